@@ -29,15 +29,14 @@ def export(*words):
 
 
 def contents(path):
-    """By topic: log time, publish time, schema name and message."""
+    """By topic: log time, which is the publish time, schema name and message."""
     reader, found = Reader(), {}
     with path.open("rb") as file:
         for schema, channel, message in mcap_reader.make_reader(file, validate_crcs=True).iter_messages():
             assert (schema.encoding, channel.message_encoding) == ("protobuf", "protobuf")
             read = reader.read(schema.name, schema.data, message.data)
-            found.setdefault(channel.topic, []).append(
-                (message.log_time, message.publish_time, schema.name, read)
-            )
+            assert message.publish_time == message.log_time
+            found.setdefault(channel.topic, []).append((message.log_time, schema.name, read))
     return found
 
 
@@ -61,7 +60,7 @@ def test_mcap_holds_every_message_of_every_type_at_its_time(log, exported):
         given = [message for name, message in log[1] if name == ending.upper()]
         read = found[f"/TENDRIL/{ending}"]
         assert len(read) == len(given) > 0
-        for (log_ns, _, schema, message), original in zip(read, given):
+        for (log_ns, schema, message), original in zip(read, given):
             original = type(original).decode(original.encode())
             assert (log_ns, schema) == (1000 * original.utime, f"tendril.{kind}")
             assert {name: plain(getattr(message, name)) for name in original.__slots__} == fields(original)
@@ -95,7 +94,7 @@ def test_frames_and_body_are_those_of_the_model(exported, rig):
     model = tendril.Model(rig)
     states = {log_ns: message for log_ns, *_, message in found["/TENDRIL/state"]}
     assert len(found["/TENDRIL/frames"]) == len(found["/TENDRIL/scene"]) > 10
-    for (log_ns, *_, frames), (scene_ns, _, schema, scene) in zip(
+    for (log_ns, _, frames), (scene_ns, schema, scene) in zip(
         found["/TENDRIL/frames"], found["/TENDRIL/scene"]
     ):
         assert (scene_ns, schema) == (log_ns, "foxglove.SceneUpdate")
@@ -153,7 +152,7 @@ def test_layouts_name_what_is_in_the_file(exported):
     layout = json.loads((exported / "all.foxglove.json").read_text())
     panels = layout["configById"]
     paths = [path["value"] for panel in panels.values() for path in panel.get("paths", [])]
-    assert len(paths) > 10 and panels["Log!lines"]["topicToRender"] in found
+    assert len(paths) > 10 and panels["RosOut!lines"]["topicToRender"] in found
     assert set(panels["3D!robot"]["topics"]) <= set(found)
     curves = [c.get("name") for c in ElementTree.parse(exported / "all.plotjuggler.xml").iter("curve")]
     assert len(curves) > 10

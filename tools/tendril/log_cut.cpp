@@ -31,8 +31,9 @@ void RefuseToLose(const CutOptions& o) {
   std::error_code ignored;
   if (fs::equivalent(o.log, o.out, ignored))
     throw UsageError("log cut: --out " + o.out + " is the log itself; give it another name");
-  if (fs::is_directory(o.out)) throw UsageError("log cut: --out " + o.out + " is a folder; name a file");
-  if (!o.overwrite && fs::exists(o.out))
+  if (fs::exists(o.out, ignored) && !fs::is_regular_file(o.out, ignored))
+    throw UsageError("log cut: --out " + o.out + " is a folder or a device; name a file");
+  if (!o.overwrite && fs::exists(o.out, ignored))
     throw std::runtime_error(o.out + " exists; give another --out, or --overwrite to replace it");
 }
 

@@ -19,10 +19,10 @@ from .files import ExportError, NewFiles, new_files
 
 DESCRIPTION = """A log as MCAP for Foxglove and PlotJuggler, with the robot drawn and a layout for each beside it, as
 CSV or as Parquet. Every message of every channel is exported, damaged ones are left out and named. Files appear when
-they are complete. The time of a message is its own utime; where it was recorded is kept beside it."""
+they are complete. The time of a message is its own utime; where it has none, when it was recorded."""
 INSTALL = "pip install 'tendril[export]' (from the sources: pip install './python[export]')"
 BATCH = 4096  # messages
-REPORT_EVERY_S = 1.0
+REPORT_EVERY_S, LINE_EVERY_S = 1.0, 30.0
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -39,21 +39,26 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 class Progress:
-    """On a terminal a line that is redrawn; elsewhere nothing."""
+    """On a terminal a line that is redrawn; elsewhere a line from time to time."""
 
     def __init__(self, log: _core.LogMessages):
         self._log, self._start_s = log, time.monotonic()
         self._shown_s, self._drawn = self._start_s, False
+        self._terminal = sys.stderr.isatty()
 
     def show(self) -> None:
         now_s = time.monotonic()
-        if not sys.stderr.isatty() or now_s < self._shown_s + REPORT_EVERY_S:
+        if now_s < self._shown_s + (REPORT_EVERY_S if self._terminal else LINE_EVERY_S):
             return
-        self._shown_s, self._drawn = now_s, True
+        self._shown_s, self._drawn = now_s, self._terminal
         share = self._log.position / max(self._log.size, 1)
         to_go = (now_s - self._start_s) * (1 - share) / max(share, 1e-9)
+        line = f"  exporting {100 * share:3.0f} %, {to_go:.0f} s to go"
         print(
-            f"\r  exporting {100 * share:3.0f} %, {to_go:.0f} s to go   ", end="", file=sys.stderr, flush=True
+            f"\r{line}   " if self._terminal else line,
+            end="" if self._terminal else "\n",
+            file=sys.stderr,
+            flush=True,
         )
 
     def end(self) -> None:
@@ -106,7 +111,7 @@ def about(path: str, log: _core.LogMessages) -> dict[str, str]:
 def export(options: argparse.Namespace) -> None:
     log = open_log(options.log)
     sorter, remarks, exported = Sorter(), [], 0
-    with new_files(options.overwrite) as files:
+    with new_files(options.overwrite, [options.log, options.robot]) as files:
         found = targets(options, files)
         progress = Progress(log)
         try:
@@ -146,6 +151,8 @@ def main(arguments: list[str] | None = None) -> int:
     options = make_parser().parse_args(arguments)
     if not (options.mcap or options.csv or options.parquet):
         make_parser().error("no destination; give --mcap FILE, --csv FOLDER, --parquet FOLDER or several")
+    if options.robot and not options.mcap:
+        make_parser().error("--robot is drawn in an MCAP file; give --mcap, or leave it out")
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, end_by_signal)
     try:

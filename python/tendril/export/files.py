@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import pathlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 
 class ExportError(Exception):
@@ -13,10 +13,11 @@ class ExportError(Exception):
 
 
 class NewFiles:
-    """Each is written beside its place as NAME.part."""
+    """Each is written beside its place as NAME.part. `inputs`: what is read, and never replaced."""
 
-    def __init__(self, overwrite: bool):
+    def __init__(self, overwrite: bool, inputs: Sequence[str | None] = ()):
         self._overwrite = overwrite
+        self._inputs = [pathlib.Path(path) for path in inputs if path and pathlib.Path(path).exists()]
         self._parts: dict[pathlib.Path, pathlib.Path] = {}
         self._made: list[pathlib.Path] = []  # folders
 
@@ -28,6 +29,10 @@ class NewFiles:
         """ExportError where a file would be lost that may not be."""
         if path.is_dir():
             raise ExportError(f"{path} is a folder; name a file")
+        if path.exists() and not path.is_file():
+            raise ExportError(f"{path} is no file that can be replaced; name another")
+        if path.exists() and any(path.samefile(given) for given in self._inputs):
+            raise ExportError(f"{path} is what is read; name another place")
         if not self._overwrite and path.exists():
             raise ExportError(f"{path} exists; name another place, or replace it with --overwrite")
 
@@ -70,9 +75,9 @@ class NewFiles:
 
 
 @contextlib.contextmanager
-def new_files(overwrite: bool) -> Iterator[NewFiles]:
+def new_files(overwrite: bool, inputs: Sequence[str | None]) -> Iterator[NewFiles]:
     """Kept when the block ends; removed where it raises, as on Ctrl-C."""
-    files = NewFiles(overwrite)
+    files = NewFiles(overwrite, inputs)
     try:
         yield files
         files.keep()

@@ -36,7 +36,7 @@ class McapFile:
         add = self._writer.add_message
         for output in self.encoder.encode(parts):
             channel = self._channels.get((output.topic, output.schema)) or self._new_channel(output)
-            add(channel, output.time_ns, output.data, output.recorded_ns)
+            add(channel, output.time_ns, output.data, output.time_ns)
             self.messages += 1
 
     def _new_channel(self, output: Output) -> int:

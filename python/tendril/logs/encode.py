@@ -10,7 +10,7 @@ from .. import _core
 from ..view import robots
 from ..view.frames import DrawnRobot, ViewError
 from . import protobuf
-from .batch import NS_PER_US, Part
+from .batch import Part
 from .columns import Columns
 from .lines import Lines
 from .output import FRAMES, LINES, SCENE, Output
@@ -129,10 +129,9 @@ class Encoder:
         """Each with the place of its message in the batch."""
         outputs: list[tuple[int, Output]] = []
         prefix, topic = split(part.channel, part.kind)
-        recorded_ns = (part.recorded_us * NS_PER_US).tolist()
 
         def add(i: int, topic: str, schema: str, data: bytes) -> None:
-            outputs.append((part.places[i], Output(topic, schema, part.times_ns[i], recorded_ns[i], data)))
+            outputs.append((part.places[i], Output(topic, schema, part.times_ns[i], data)))
 
         for group in part.columns.groups:
             for i, data in zip(group.indices.tolist(), protobuf.encoded(group)):

@@ -99,14 +99,14 @@ def foxglove(source: Source) -> str:
             "paths": [{"value": mode, "timestampMethod": "receiveTime"}],
             "isSynced": True,
         },
-        "Log!lines": {"topicToRender": f"/{prefix}/log", "searchTerms": [], "minLogLevel": 1},
+        "RosOut!lines": {"topicToRender": f"/{prefix}/log", "searchTerms": [], "minLogLevel": 1},
     }
     rows: Any = None
     for n, (title, curves) in reversed(list(enumerate(plots(source).items()))):
         name = f"Plot!{n}"
         panels[name] = _foxglove_plot(source, title, curves)
         rows = _split("column", name, rows, 100 / (len(plots(source)) - n)) if rows else name
-    left = _split("column", "3D!robot", _split("column", "StateTransitions!mode", "Log!lines", 30), 65)
+    left = _split("column", "3D!robot", _split("column", "StateTransitions!mode", "RosOut!lines", 30), 65)
     layout = {
         "configById": panels,
         "globalVariables": {},

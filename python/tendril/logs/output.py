@@ -22,8 +22,7 @@ class Output(NamedTuple):
 
     topic: str
     schema: str  # name of its type
-    time_ns: int  # since the epoch: what the message is about
-    recorded_ns: int  # since the epoch: when it was recorded
+    time_ns: int  # since the epoch
     data: bytes
 
 

@@ -108,7 +108,7 @@ def run(bridge: Bridge, options: argparse.Namespace, report: Reporter, stop: thr
 def serve(options: argparse.Namespace) -> None:
     lcm = open_lcm(options.lcm)
     report, stop, context, inner = Reporter(), threading.Event(), foxglove.Context(), hidden_address()
-    logging.getLogger("foxglove").setLevel(logging.ERROR)
+    logging.getLogger("foxglove").setLevel(logging.CRITICAL)  # of broken connections
     server = foxglove.start_server(name=f"tendril {options.prefix}", host=inner, port=0, context=context)
     try:
         admission = Admission(options.address, options.host, options.origin)

@@ -34,13 +34,22 @@ class Bridge:
     def _take(self, channel: str, data: bytes) -> None:
         self._came.append((channel, _core.message_type(data), time.time_ns() // 1000, data))
 
+    def _handle(self, within_s: float) -> bool:
+        """Takes one message; False where none comes."""
+        try:
+            taken: int = self._lcm.handle_timeout(max(1, round(1000 * within_s)))
+        except OSError:  # a signal came, or the network is gone for now
+            time.sleep(TOGETHER_S)
+            return False
+        return taken > 0
+
     def step(self) -> None:
         """Waits a moment for messages and passes them on."""
-        if self._lcm.handle_timeout(round(1000 * TOGETHER_S)) <= 0:
+        if not self._handle(TOGETHER_S):
             return
         until = time.monotonic() + TOGETHER_S
         while len(self._came) < MOST_AT_ONCE and (left := until - time.monotonic()) > 0:
-            if self._lcm.handle_timeout(max(1, round(1000 * left))) <= 0:
+            if not self._handle(left):
                 break
         came, self._came = self._came, []
         self.messages += len(came)

@@ -8,6 +8,7 @@ the Host and the Origin of each request, and leads the connection on only where 
 from __future__ import annotations
 
 import asyncio
+import concurrent.futures
 import contextlib
 import errno
 import http
@@ -104,35 +105,41 @@ class Guard:
     ):
         self._inner, self._admission, self._report = inner, admission, report
         self._connections = 0
-        self._loop = asyncio.new_event_loop()
-        self._thread = threading.Thread(target=self._loop.run_forever, daemon=True)
+        self._opened: concurrent.futures.Future[int] = concurrent.futures.Future()
+        self._thread = threading.Thread(target=lambda: asyncio.run(self._listen(address, port)), daemon=True)
         self._thread.start()
-        opening = asyncio.start_server(self._serve, address, port, limit=LARGEST_HEAD)
         try:
-            self._server = asyncio.run_coroutine_threadsafe(opening, self._loop).result()
+            self.port = self._opened.result()
         except OSError as e:
-            self.stop()
-            # asyncio's own text names the address again and again.
-            why = (
-                "is in use"
-                if e.errno == errno.EADDRINUSE
-                else f"cannot be opened ({os.strerror(e.errno or 0)})"
-            )
-            if e.errno is None or e.errno < 0:
-                why = "cannot be opened (no address of this machine)"
+            # asyncio's own text names the address again and again, and its numbers of unknown addresses are no errno.
+            known = os.strerror(e.errno) if e.errno and e.errno > 0 else "no address of this machine"
+            why = "is in use" if e.errno == errno.EADDRINUSE else f"cannot be opened ({known})"
             raise ServeError(
                 f"port {port} of {address} {why}; give another one with --port or --address"
             ) from None
-        self.port: int = self._server.sockets[0].getsockname()[1]
 
     def stop(self) -> None:
-        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._loop.call_soon_threadsafe(self._stop.set)
         self._thread.join()
+
+    async def _listen(self, address: str, port: int) -> None:
+        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        try:
+            server = await asyncio.start_server(self._serve, address, port, limit=LARGEST_HEAD)
+        except OSError as e:
+            self._opened.set_exception(e)
+            return
+        self._opened.set_result(server.sockets[0].getsockname()[1])
+        await self._stop.wait()
+        server.close()  # and asyncio.run ends the connections
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._connections += 1
         try:
-            with contextlib.suppress(OSError, asyncio.IncompleteReadError, asyncio.TimeoutError):
+            # Also where this task is ended: asyncio would report it as an error of ours.
+            with contextlib.suppress(
+                OSError, asyncio.IncompleteReadError, asyncio.TimeoutError, asyncio.CancelledError
+            ):
                 await self._first(reader, writer)
         finally:
             self._connections -= 1
