@@ -21,6 +21,14 @@ nb::str Text(std::string_view text) {
   return nb::steal<nb::str>(decoded);
 }
 
+/// Names of files are bytes, whatever Python makes of them.
+std::string FileName(const nb::str& path) {
+  PyObject* bytes = nullptr;
+  if (PyUnicode_FSConverter(path.ptr(), &bytes) == 0) nb::raise_python_error();
+  const auto held = nb::steal<nb::bytes>(bytes);
+  return {held.c_str(), held.size()};
+}
+
 nb::list Next(io::LogMessages& log, std::size_t most) {
   nb::list messages;
   while (nb::len(messages) < most && log.Next()) {
@@ -36,7 +44,10 @@ nb::list Next(io::LogMessages& log, std::size_t most) {
 void AddLog(nb::module_& m) {
   nb::class_<io::LogMessages>(m, "LogMessages",
                               "The messages of an LCM log in the order of the file, past damage.")
-      .def(nb::init<const std::string&>(), nb::arg("path"))
+      .def(
+          "__init__",
+          [](io::LogMessages* log, const nb::str& path) { new (log) io::LogMessages(FileName(path)); },
+          nb::arg("path"))
       .def("next", &Next, nb::arg("most"),
            nb::sig("def next(self, most: int) -> list[tuple[str, str, int, bytes]]"),
            "Channel, type ('' where it is none of this version), stamp [us] and bytes of up to `most` "

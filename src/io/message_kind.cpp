@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
+#include <string>
 
 #include "tendril/io/log_messages.h"
 #include "tendril/io/wire.h"
@@ -23,19 +25,23 @@ std::array<MessageKind, sizeof...(Messages)> Kinds() {
   return {Kind<Messages>()...};
 }
 
-}  // namespace
-
-const MessageKind* KindOf(std::span<const std::uint8_t> data) noexcept {
+const auto& AllKinds() {
   using namespace tendril_lcm;
   static const auto kinds =
       Kinds<cycle_t, state_t, command_bending_t, command_mode_t, command_tension_t, command_tip_t, event_t,
             fault_t, run_t, snapshot_t, statistics_t, tracker_t>();
+  return kinds;
+}
+
+}  // namespace
+
+const MessageKind* KindOf(std::span<const std::uint8_t> data) noexcept {
   std::int64_t fingerprint = 0;
   if (__int64_t_decode_array(data.data(), 0, static_cast<int>(data.size()), &fingerprint, 1) < 0)
     return nullptr;
-  const auto found = std::find_if(kinds.begin(), kinds.end(),
+  const auto found = std::find_if(AllKinds().begin(), AllKinds().end(),
                                   [&](const MessageKind& kind) { return kind.fingerprint == fingerprint; });
-  return found == kinds.end() ? nullptr : &*found;
+  return found == AllKinds().end() ? nullptr : &*found;
 }
 
 std::string_view TypeOfMessage(std::span<const std::uint8_t> data) noexcept {
@@ -43,12 +49,12 @@ std::string_view TypeOfMessage(std::span<const std::uint8_t> data) noexcept {
   return kind != nullptr && kind->decodes(data) ? kind->name : std::string_view();
 }
 
-bool IsChannelOfTendril(std::string_view channel) noexcept {
-  constexpr std::array<std::string_view, 12> kEndings = {
-      "_CYCLE", "_STATE", "_COMMAND_BENDING", "_COMMAND_MODE", "_COMMAND_TENSION", "_COMMAND_TIP", "_EVENT",
-      "_FAULT", "_RUN",   "_SNAPSHOT",        "_STATISTICS",   "_TRACKER"};
-  return std::any_of(kEndings.begin(), kEndings.end(),
-                     [&](auto ending) { return channel.ends_with(ending); });
+bool IsChannelOfTendril(std::string_view channel) {
+  return std::any_of(AllKinds().begin(), AllKinds().end(), [&](const MessageKind& kind) {
+    std::string ending = "_" + std::string(kind.name.substr(0, kind.name.size() - 2));  // without its _t
+    for (char& letter : ending) letter = static_cast<char>(std::toupper(letter));
+    return channel.ends_with(ending);
+  });
 }
 
 }  // namespace tendril::io

@@ -14,7 +14,7 @@ namespace tendril::io {
 std::string_view TypeOfMessage(std::span<const std::uint8_t> data) noexcept;
 
 /// Whether a channel is named as Tendril names its own ("TENDRIL_STATE", "TENDRIL_COMMAND_TIP").
-bool IsChannelOfTendril(std::string_view channel) noexcept;
+bool IsChannelOfTendril(std::string_view channel);
 
 struct LogMessage {
   std::string channel;

@@ -74,7 +74,7 @@ def open_log(path: str) -> _core.LogMessages:
 
 
 def targets(options: argparse.Namespace, files: NewFiles) -> list[Any]:
-    """What is written, each with write(parts), finish(about) and close()."""
+    """What is written, each with write(parts), finish(about), and abandon() whether it is finished or not."""
     found: list[Any] = []
     try:
         if options.mcap:
@@ -102,7 +102,7 @@ def batches(log: _core.LogMessages, sorter: Sorter) -> Iterator[list[Part]]:
 
 def about(path: str, log: _core.LogMessages) -> dict[str, str]:
     return {
-        "log": pathlib.Path(path).name,
+        "log": pathlib.Path(path).name.encode(errors="replace").decode(),
         "damage": log.damage(),
         "exported_by": f"Tendril {_core.version()} ({_core.revision()})",
     }
@@ -127,7 +127,7 @@ def export(options: argparse.Namespace) -> None:
         finally:
             progress.end()
             for target in found:
-                target.close()
+                target.abandon()
         written = files.paths
     for path in written:
         print(f"{path}: {path.stat().st_size / 1e6:.3f} MB")
@@ -153,6 +153,7 @@ def main(arguments: list[str] | None = None) -> int:
         make_parser().error("no destination; give --mcap FILE, --csv FOLDER, --parquet FOLDER or several")
     if options.robot and not options.mcap:
         make_parser().error("--robot is drawn in an MCAP file; give --mcap, or leave it out")
+    sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # names of files are any bytes
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, end_by_signal)
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import pathlib
 from collections.abc import Sequence
 
@@ -55,7 +56,8 @@ class McapFile:
         self._stream.close()
         for path, text in layouts.beside(self.path, self.encoder.sources()).items():
             self._files.add(path).write_text(text)
-        return self.encoder.remarks()
+        return self.encoder.remarks(ended=True)
 
-    def close(self) -> None:
-        self._stream.close()
+    def abandon(self) -> None:
+        with contextlib.suppress(OSError):  # of a full disk, which has been told already
+            self._stream.close()

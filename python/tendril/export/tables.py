@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import pathlib
 from collections.abc import Callable, Sequence
@@ -115,6 +116,10 @@ class _Channel:
     def close(self) -> None:
         if self._waiting:
             self._flush()
+        self.abandon()
+
+    def abandon(self) -> None:
+        """Closes the file without what waits for it."""
         if self._file is not None:
             self._file.close()
             self._file = None
@@ -148,9 +153,11 @@ class Tables:
         return self._kind(self._files.add(self._folder / f"{name}{self._kind.ending}"), schema)
 
     def finish(self, about: dict[str, str]) -> list[str]:
-        self.close()
-        return []
-
-    def close(self) -> None:
         for channel in self._channels.values():
             channel.close()
+        return []
+
+    def abandon(self) -> None:
+        for channel in self._channels.values():
+            with contextlib.suppress(OSError):  # of a full disk, which has been told already
+                channel.abandon()

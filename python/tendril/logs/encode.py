@@ -109,11 +109,13 @@ class Encoder:
         self._robot = None if robot is None else robots.drawn(robot)
         self._daemons: dict[str, _Daemon] = {}
 
-    def remarks(self) -> list[str]:
-        """Why robots are not drawn, one line each."""
-        return [
-            f"{d.prefix}: the robot is not drawn: {d.problem}" for d in self._daemons.values() if d.problem
-        ]
+    def remarks(self, *, ended: bool = False) -> list[str]:
+        """Why robots are not drawn, one line each. `ended`: no RUN message will come."""
+        why = {d.prefix: d.problem for d in self._daemons.values() if d.problem}
+        if ended:
+            silent = [d.prefix for d in self._daemons.values() if d.source and not d.scene and not d.problem]
+            why |= dict.fromkeys(silent, "no RUN message says which it is; give its file with --robot")
+        return [f"{prefix}: the robot is not drawn: {reason}" for prefix, reason in why.items()]
 
     def sources(self) -> list[Source]:
         """Of each daemon whose motion came."""

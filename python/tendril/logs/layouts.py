@@ -57,49 +57,55 @@ def _foxglove_plot(source: Source, title: str, curves: Sequence[Curve]) -> dict[
     }
 
 
+def _foxglove_robot(prefix: str) -> dict[str, Any]:
+    """A 3-D panel that looks at the robot's base from as far as a robot of some decimetres needs."""
+    base = f"{prefix}/F_0"
+    return {
+        "cameraState": {
+            "distance": 0.3,
+            "perspective": True,
+            "phi": 70,
+            "thetaOffset": 45,
+            "target": [0, 0, 0],
+            "targetOffset": [0, 0, 0.04],
+            "targetOrientation": [0, 0, 0, 1],
+            "fovy": 45,
+            "near": 0.001,
+            "far": 100,
+        },
+        "followMode": "follow-none",
+        "followTf": base,
+        "scene": {"transforms": {"axisScale": 0.02, "labelSize": 0.005}},
+        "topics": {f"/{prefix}/scene": {"visible": True}, f"/{prefix}/frames": {"visible": True}},
+        "layers": {
+            "grid": {
+                "layerId": "foxglove.Grid",
+                "instanceId": "grid",
+                "label": "Grid",
+                "visible": True,
+                "frameId": base,
+                "size": 0.4,
+                "divisions": 8,
+                "lineWidth": 1,
+                "color": "#248eff55",
+                "position": [0, 0, 0],
+                "rotation": [0, 0, 0],
+            }
+        },
+    }
+
+
 def foxglove(source: Source) -> str:
     """For Foxglove's "Import from file": the robot in 3-D, plots, the mode as a bar, the log lines."""
-    prefix, topic = source.prefix, f"/{source.prefix}/{source.topic}"
+    topic = f"/{source.prefix}/{source.topic}"
     mode = f"{topic}.mode_text" if source.topic == "state" else f"{topic}.mode"
     panels: dict[str, dict[str, Any]] = {
-        "3D!robot": {
-            "cameraState": {
-                "distance": 0.3,
-                "perspective": True,
-                "phi": 70,
-                "thetaOffset": 45,
-                "target": [0, 0, 0],
-                "targetOffset": [0, 0, 0.04],
-                "targetOrientation": [0, 0, 0, 1],
-                "fovy": 45,
-                "near": 0.001,
-                "far": 100,
-            },
-            "followMode": "follow-none",
-            "followTf": f"{prefix}/F_0",
-            "scene": {"transforms": {"axisScale": 0.02, "labelSize": 0.005}},
-            "topics": {f"/{prefix}/scene": {"visible": True}, f"/{prefix}/frames": {"visible": True}},
-            "layers": {
-                "grid": {
-                    "layerId": "foxglove.Grid",
-                    "instanceId": "grid",
-                    "label": "Grid",
-                    "visible": True,
-                    "frameId": f"{prefix}/F_0",
-                    "size": 0.4,
-                    "divisions": 8,
-                    "lineWidth": 1,
-                    "color": "#248eff55",
-                    "position": [0, 0, 0],
-                    "rotation": [0, 0, 0],
-                }
-            },
-        },
+        "3D!robot": _foxglove_robot(source.prefix),
         "StateTransitions!mode": {
             "paths": [{"value": mode, "timestampMethod": "receiveTime"}],
             "isSynced": True,
         },
-        "RosOut!lines": {"topicToRender": f"/{prefix}/log", "searchTerms": [], "minLogLevel": 1},
+        "RosOut!lines": {"topicToRender": f"/{source.prefix}/log", "searchTerms": [], "minLogLevel": 1},
     }
     rows: Any = None
     for n, (title, curves) in reversed(list(enumerate(plots(source).items()))):

@@ -42,7 +42,7 @@ class Shape:
     time_ns: int
     bending_rad: Array  # 2K
     tension_N: Array  # M, at the base
-    tip_m: Array  # 3, measured or estimated
+    tip_m: Array  # 3, estimated
     orientation: Array  # 4: w, x, y, z of the tip
     reference_tip_m: Array  # 3
 
