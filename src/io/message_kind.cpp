@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <string>
 
 #include "tendril/io/log_messages.h"
 #include "tendril/io/wire.h"
@@ -51,9 +50,11 @@ std::string_view TypeOfMessage(std::span<const std::uint8_t> data) noexcept {
 
 bool IsChannelOfTendril(std::string_view channel) {
   return std::any_of(AllKinds().begin(), AllKinds().end(), [&](const MessageKind& kind) {
-    std::string ending = "_" + std::string(kind.name.substr(0, kind.name.size() - 2));  // without its _t
-    for (char& letter : ending) letter = static_cast<char>(std::toupper(letter));
-    return channel.ends_with(ending);
+    const std::string_view name = kind.name.substr(0, kind.name.size() - 2);  // without its _t
+    if (channel.size() <= name.size()) return false;
+    const std::string_view ending = channel.substr(channel.size() - name.size() - 1);
+    return ending.front() == '_' && std::equal(name.begin(), name.end(), ending.begin() + 1,
+                                               [](char a, char b) { return std::toupper(a) == b; });
   });
 }
 

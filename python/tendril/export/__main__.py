@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from .. import _core
-from .._command_line import Parser
+from .._command_line import Parser, stop_signals
 from ..errors import Error
 from ..logs.batch import Part, Sorter
 from .files import ExportError, NewFiles, new_files
@@ -154,8 +154,8 @@ def main(arguments: list[str] | None = None) -> int:
     if options.robot and not options.mcap:
         make_parser().error("--robot is drawn in an MCAP file; give --mcap, or leave it out")
     sys.stdout.reconfigure(errors="backslashreplace")  # type: ignore[union-attr]  # names of files are any bytes
-    for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, end_by_signal)
+    for one in stop_signals():
+        signal.signal(one, end_by_signal)
     try:
         export(options)
     except (ExportError, Error, ValueError) as e:
@@ -163,7 +163,7 @@ def main(arguments: list[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt as e:
         print("tendril: log: ended; nothing is written", file=sys.stderr)
-        return 128 + (e.args[0] if e.args else signal.SIGINT)
+        return 128 + int(e.args[0])
     except OSError as e:
         if isinstance(e, BrokenPipeError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), 1)

@@ -13,7 +13,7 @@ import time
 
 import foxglove
 
-from .._command_line import Parser, add_lcm_options, number
+from .._command_line import Parser, add_lcm_options, number, stop_signals
 from ..view.frames import ViewError
 from ..view.live import open_lcm
 from .bridge import Bridge
@@ -113,7 +113,7 @@ def serve(options: argparse.Namespace) -> None:
     try:
         admission = Admission(options.address, options.host, options.origin)
         guard = Guard(options.address, options.port, (inner, server.port), admission, report)
-        for one in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for one in stop_signals():
             signal.signal(one, lambda *_: stop.set())
         warn_of_others(options.address, report)
         bridge = Bridge(lcm, options.prefix, context)
