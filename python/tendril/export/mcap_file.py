@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import pathlib
 from collections.abc import Sequence
+from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
@@ -27,7 +28,7 @@ class McapFile:
             files.require_free(layout)
         self.encoder = Encoder(robot)
         self._stream = files.add(path).open("wb")
-        self._writer = Writer(self._stream, chunk_size=CHUNK, compression=CompressionType.ZSTD)
+        self._writer: Any = Writer(self._stream, chunk_size=CHUNK, compression=CompressionType.ZSTD)
         self._writer.start(profile="", library=f"tendril {_core.version()}")
         self._schemas: dict[str, int] = {}
         self._channels: dict[tuple[str, str], int] = {}
@@ -45,7 +46,7 @@ class McapFile:
         if schema is None:
             schema = self._writer.register_schema(output.schema, "protobuf", schema_of(output.schema))
             self._schemas[output.schema] = schema
-        channel = self._writer.register_channel(output.topic, "protobuf", schema)
+        channel: int = self._writer.register_channel(output.topic, "protobuf", schema)
         self._channels[output.topic, output.schema] = channel
         return channel
 

@@ -175,7 +175,7 @@ class Columns:
         return self.strings_at(name, i)[0]
 
     def _group(self, i: int) -> Group:
-        return self.groups[self._of_group[i]]
+        return self.groups[int(self._of_group[i])]
 
     @staticmethod
     def _length(group: Group, name: str) -> int:

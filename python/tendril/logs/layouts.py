@@ -130,7 +130,7 @@ def _split(direction: str, first: Any, second: Any, share: float) -> dict[str, A
 def plotjuggler(sources: Sequence[Source]) -> str:
     """For `plotjuggler --layout`: a tab a robot with its plots."""
     root = ElementTree.Element("root")
-    tabs = ElementTree.SubElement(root, "tabbed_widget", name="Main Window", parent="main_window")
+    tabs = ElementTree.SubElement(root, "tabbed_widget", {"name": "Main Window", "parent": "main_window"})
     for source in sources:
         tab = ElementTree.SubElement(tabs, "Tab", tab_name=source.prefix, containers="1")
         charts = plots(source)

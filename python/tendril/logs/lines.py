@@ -7,20 +7,20 @@ from collections.abc import Iterator
 from foxglove_schemas_protobuf import Log_pb2
 
 from .columns import Columns
+from .protobuf import to_bytes
 from .scene import timestamp
 
 FIRST_FAULT = 400  # status numbers from here on are faults; 0 is none
 
 
-def level_of(status: int) -> int:
+def level_of(status: int) -> Log_pb2.Log.Level.ValueType:
     if status == 0:
         return Log_pb2.Log.INFO
     return Log_pb2.Log.ERROR if status >= FIRST_FAULT else Log_pb2.Log.WARNING
 
 
-def line(time_ns: int, level: int, name: str, message: str) -> bytes:
-    made = Log_pb2.Log(timestamp=timestamp(time_ns), level=level, name=name, message=message)  # type: ignore[arg-type]
-    return made.SerializeToString()
+def line(time_ns: int, level: Log_pb2.Log.Level.ValueType, name: str, message: str) -> bytes:
+    return to_bytes(Log_pb2.Log(timestamp=timestamp(time_ns), level=level, name=name, message=message))
 
 
 class Lines:

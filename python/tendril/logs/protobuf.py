@@ -35,6 +35,11 @@ TYPES: dict[str, tuple[int, int, str]] = {
 }
 
 
+def to_bytes(message: Message) -> bytes:
+    data: bytes = message.SerializeToString()
+    return data
+
+
 def schema_name(kind: str) -> str:
     return f"{PACKAGE}.{kind}"
 
@@ -50,10 +55,10 @@ def schema(kind: str) -> bytes:
             name=field.name,
             json_name=field.name,
             number=number,
-            type=TYPES[field.type][0],  # type: ignore[arg-type]
+            type=TYPES[field.type][0],
             label=FieldDescriptorProto.LABEL_REPEATED if repeated else FieldDescriptorProto.LABEL_OPTIONAL,
         )
-    return FileDescriptorSet(file=[file]).SerializeToString()
+    return to_bytes(FileDescriptorSet(file=[file]))
 
 
 def schema_of_class(message: type[Message]) -> bytes:
@@ -68,7 +73,7 @@ def schema_of_class(message: type[Message]) -> bytes:
             descriptor.CopyToProto(files[descriptor.name])
 
     add(message.DESCRIPTOR.file)
-    return FileDescriptorSet(file=files.values()).SerializeToString()
+    return to_bytes(FileDescriptorSet(file=files.values()))
 
 
 def varint(value: int) -> bytes:

@@ -28,6 +28,7 @@ from .._arrays import Array
 from ..view import colours
 from ..view.frames import DrawnRobot
 from ..view.geometry import points_of, quaternions_of
+from .protobuf import to_bytes
 
 # In lengths of the robot.
 BACKBONE_THICKNESS, TENDON_THICKNESS, TIP_SIZE, DISK_HEIGHT, BASE_HEIGHT = 0.03, 0.012, 0.045, 0.012, 0.05
@@ -91,7 +92,7 @@ class Scene:
             if self._hidden:
                 return None
             self._hidden = True
-            return FrameTransforms_pb2.FrameTransforms().SerializeToString(), self._removed(shape)
+            return to_bytes(FrameTransforms_pb2.FrameTransforms()), self._removed(shape)
         self._hidden = False
         points = points_of(self.robot, self.robot.spread(shape.bending_rad))
         turned = quaternions_of(points.disks)
@@ -102,7 +103,7 @@ class Scene:
         self._add_tendons(entity, points.tendons_m, shape.tension_N)
         self._add_tips(entity, shape)
         frames = self._frames(shape, points.disks[:, :3, 3], turned)
-        return frames, SceneUpdate_pb2.SceneUpdate(entities=[entity]).SerializeToString()
+        return frames, to_bytes(SceneUpdate_pb2.SceneUpdate(entities=[entity]))
 
     def _removed(self, shape: Shape) -> bytes:
         deletion = SceneEntityDeletion_pb2.SceneEntityDeletion(
@@ -110,7 +111,7 @@ class Scene:
             type=SceneEntityDeletion_pb2.SceneEntityDeletion.MATCHING_ID,
             id="robot",
         )
-        return SceneUpdate_pb2.SceneUpdate(deletions=[deletion]).SerializeToString()
+        return to_bytes(SceneUpdate_pb2.SceneUpdate(deletions=[deletion]))
 
     def _frames(self, shape: Shape, disks_m: Array, turned: Array) -> bytes:
         places = [(f"disk_{i}", place, wxyz) for i, (place, wxyz) in enumerate(zip(disks_m, turned), 1)]
@@ -130,7 +131,7 @@ class Scene:
                     rotation=there.orientation,
                 )
             )
-        return frames.SerializeToString()
+        return to_bytes(frames)
 
     def _add_body(self, entity: Any, backbone_m: Array, disks_m: Array, turned: Array) -> None:
         length, radius = self.robot.length_m, self.robot.disk_radius_m
