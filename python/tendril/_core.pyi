@@ -341,6 +341,35 @@ def effect_names() -> list[str]: ...
 
 def diagnose(set: Set, delta_N: float, delta_m: float, seed: int, only: Sequence[str], without: Sequence[str], refits: int, threads: int, next: bool, daemon: str, progress: object | None) -> Diagnosis: ...
 
+class LogMessages:
+    """The messages of an LCM log in the order of the file, past damage."""
+
+    def __init__(self, path: str) -> None: ...
+
+    def next(self, most: int) -> list[tuple[str, str, int, bytes]]:
+        """
+        Channel, type ('' where it is none of this version), stamp [us] and bytes of up to `most` messages; empty at the end.
+        """
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+
+    @property
+    def position(self) -> int:
+        """Bytes of it before the last message."""
+
+    def damage(self) -> str:
+        """Damaged places by their bytes, in one line; empty: none."""
+
+def message_type(data: bytes) -> str:
+    """
+    Type of lcm_types that the bytes are exactly one message of; '' where they are none of this version.
+    """
+
+def is_channel_of_tendril(channel: str) -> bool:
+    """Whether a channel is named as Tendril names its own."""
+
 def replayed_shape(robot: Robot, run: Run, times: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
 
 def sender() -> int:

@@ -30,6 +30,10 @@ std::unique_ptr<CLI::App> MakeApp() {
   AddGapSimulateCommand(*app);
   AddHomeCommand(*app);
   AddInitCommand(*app);
+  AddLogCutCommand(*app);
+  AddLogExportCommand(*app);
+  AddLogInfoCommand(*app);
+  AddLogServeCommand(*app);
   AddModelCommand(*app);
   AddReplayCommand(*app);
   AddReproduceCommand(*app);
