@@ -9,12 +9,12 @@
 namespace tendril::tools {
 namespace {
 
-struct ExportOptions {
+struct LogExport {
   std::string log, mcap, csv, parquet, robot;
   bool overwrite = false;
 };
 
-void Export(const ExportOptions& o) {
+void ExportLog(const LogExport& o) {
   std::vector<std::string> words, modules;
   const auto add = [&](const char* option, const std::string& value, const std::vector<std::string>& needs) {
     if (value.empty()) return;
@@ -37,7 +37,7 @@ void Export(const ExportOptions& o) {
 }  // namespace
 
 void AddLogExportCommand(CLI::App& app) {
-  auto o = std::make_shared<ExportOptions>();
+  auto o = std::make_shared<LogExport>();
   CLI::App* command = LogCommand(app).add_subcommand(
       "export",
       "A log as MCAP for Foxglove and PlotJuggler, with the robot drawn and a layout for each beside it, as "
@@ -50,7 +50,7 @@ void AddLogExportCommand(CLI::App& app) {
   command->add_option("--robot", o->robot, "robot file that is drawn, instead of the one in the log")
       ->option_text("FILE");
   command->add_flag("--overwrite", o->overwrite, "replace files that exist");
-  command->callback([o] { Export(*o); });
+  command->callback([o] { ExportLog(*o); });
 }
 
 }  // namespace tendril::tools

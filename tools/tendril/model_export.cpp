@@ -14,13 +14,13 @@
 namespace tendril::tools {
 namespace {
 
-struct ExportOptions {
+struct ModelExport {
   std::string robot, mjcf, urdf, actuators = "auto";
   std::optional<double> friction_at_N, timestep_s;
   bool overwrite = false;
 };
 
-void CheckNew(const std::string& file, const ExportOptions& o) {
+void CheckNew(const std::string& file, const ModelExport& o) {
   std::error_code none;
   if (file.empty()) return;
   if (std::filesystem::equivalent(file, o.robot, none))
@@ -36,7 +36,7 @@ void Write(const std::string& file, const char* format, const exchange::Exported
   for (const std::string& line : exported.left_out) fmt::print(stderr, "  {}\n", line);
 }
 
-void Export(const ExportOptions& o) {
+void ExportModel(const ModelExport& o) {
   if (o.mjcf.empty() && o.urdf.empty())
     throw UsageError("nothing to write; give --mjcf FILE, --urdf FILE, or both");
   if (!o.mjcf.empty() && o.mjcf == o.urdf) throw UsageError("--mjcf and --urdf are one file; give two names");
@@ -54,7 +54,7 @@ void Export(const ExportOptions& o) {
 }  // namespace
 
 void AddModelExportCommand(CLI::App& model) {
-  auto o = std::make_shared<ExportOptions>();
+  auto o = std::make_shared<ModelExport>();
   CLI::App* command =
       model.add_subcommand("export",
                            "The robot for other simulators, and on stderr what their format cannot carry: "
@@ -82,7 +82,7 @@ void AddModelExportCommand(CLI::App& model) {
           "of the MJCF [s]; default: 1, 2 or 5 times a power of ten, by the robot's highest frequency")
       ->check(NumberFrom(1e-7, 0.1, "give seconds"));
   command->add_flag("--overwrite", o->overwrite, "replace files that are there");
-  command->callback([o] { Export(*o); });
+  command->callback([o] { ExportModel(*o); });
 }
 
 }  // namespace tendril::tools
