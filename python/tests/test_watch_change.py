@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pytest
-
 from tendril.watch.change import DAY_s, changes, onsets, threshold
 from tendril.watch.store import Entry, Key, Number
 
@@ -40,7 +39,7 @@ def first_found(accepted, days, rate=0.5, alarm=False):
 
 
 def test_no_more_false_alarms_than_asked_for_and_not_far_fewer():
-    """Each day is a test; with 60 a year there would be 60 / 365 times 600 days at most, were every test one of its own."""
+    """The rate that is asked for is a bound; far below it, changes would be found late."""
     rng, days, rate, alarms = np.random.default_rng(1), 60, 60.0, 0
     for _ in range(10):
         accepted, course = robot(rng, days)

@@ -7,7 +7,6 @@ import subprocess
 import sys
 
 import pytest
-
 from tendril.watch.store import Entry, Key, Number, Store, StoreError
 
 NUMBERS = 150
@@ -46,7 +45,9 @@ def database(tmp_path):
 
 def fill(path, limit=0):
     text = FILL.format(tests=os.path.dirname(__file__), path=path, limit=limit)
-    return subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    return subprocess.Popen(
+        [sys.executable, "-c", text], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
 
 
 def kept(path):
@@ -57,7 +58,9 @@ def kept(path):
         assert one.numbers == day(int(one.note.split()[1])).numbers
     with sqlite3.connect(path) as raw:
         assert raw.execute("PRAGMA integrity_check").fetchone() == ("ok",)
-        assert raw.execute("SELECT count(*) FROM numbers WHERE entry NOT IN (SELECT id FROM entries)").fetchone() == (0,)
+        assert raw.execute(
+            "SELECT count(*) FROM numbers WHERE entry NOT IN (SELECT id FROM entries)"
+        ).fetchone() == (0,)
     return [one.id for one in days]
 
 

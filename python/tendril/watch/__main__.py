@@ -106,7 +106,8 @@ def accept(o: argparse.Namespace) -> int:
         )
         entry = store.add(day.measured(entry, runs, None, line))
     print(
-        f"robot '{entry.robot}' accepted as of {text.moment(entry.at)} UTC: {len(entry.numbers)} numbers of {len(runs)} runs"
+        f"robot '{entry.robot}' accepted as of {text.moment(entry.at)} UTC: "
+        f"{len(entry.numbers)} numbers of {len(runs)} runs"
     )
     for note in entry.notes:
         print(f"  {note}")
@@ -123,7 +124,7 @@ def watch(o: argparse.Namespace) -> int:
 
 
 def watch_each(store: Store, o: argparse.Namespace, accepted: Entry) -> int:
-    """What lies in the folders and is no entry yet, in order of time. One that cannot be read does not stop the others."""
+    """What lies in the folders and is no entry yet, in order of time. One that cannot be read does not stop others."""
     known = {source for entry in [accepted, *store.days(accepted)] for source in entry.sources}
     new = [
         path
@@ -184,8 +185,8 @@ def accepted_state(store: Store, file: str) -> Entry:
         )
     if states[-1].robot_yaml != robot.to_yaml():
         raise Error(
-            f"{file}: differs from the accepted robot file of '{robot.name}'; give the accepted file, or accept the robot "
-            "with this one: tendril gap accept"
+            f"{file}: differs from the accepted robot file of '{robot.name}'; give the accepted file, "
+            "or accept the robot with this one: tendril gap accept"
         )
     return states[-1]
 

@@ -4,11 +4,11 @@ A number's days differ from its accepted value by
 
     d_t = a h_t + e_t + e_0,    e_t ~ N(0, s_t^2),  e_0 ~ N(0, s_0^2)
 
-where h_t is 0 before an onset and then a step or a line in time. e_0, the error of the accepted value, is common to all
-days. a is the generalised least-squares estimate and z = a / deviation(a); onsets 1, 2, 4, ... entries ago are tried, so
-that a fast change is found at once and a slow one as soon as its days together show it. z has to pass the quantile that
-leaves the false alarms asked for, shared by all numbers and onsets (Bonferroni: no more than that, however they depend
-on each other)."""
+where h_t is 0 before an onset and then a step or a line in time. e_0, the error of the accepted value, is
+common to all days. a is the generalised least-squares estimate and z = a / deviation(a). Onsets 1, 2, 4, ...
+entries ago are tried, so a fast change is found at once and a slow one as soon as its days together show it.
+|z| has to pass the quantile that leaves the false alarms asked for, shared by all numbers and onsets
+(Bonferroni: no more than that, however they depend on each other)."""
 
 from __future__ import annotations
 
@@ -168,9 +168,9 @@ def _course(accepted: Number, before: float, at: Sequence[float], numbers: Seque
 
 
 def _scatter(values: Vector, variance: Vector) -> float:
-    """How much more than their intervals days surely differ from the days before them: temperature, setting up. By the
-    median, which a step does not move; a slow drift hardly shows from day to day. 1 until enough days are there, or where
-    chance may be the reason; else as much as may well be, for few days say it."""
+    """How much more than their intervals days differ from the days before them (variances): temperature, setting
+    up. By the median, which a step does not move; a slow drift hardly shows from day to day. 1 where few days are
+    there or chance may be the reason, else the upper end of its interval."""
     if len(values) <= SCATTER_DAYS:
         return 1.0
     squares = np.diff(values) ** 2 / (variance[1:] + variance[:-1])

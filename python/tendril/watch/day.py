@@ -29,7 +29,7 @@ def read_runs(paths: Sequence[str], robot_file: str, same_robot: bool) -> DataSe
 
 
 def recorded_at(paths: Sequence[str]) -> float:
-    """When: of names that begin with a date, the last one's noon (UTC); else when the newest of the files was written."""
+    """The last date that names begin with (its noon, UTC); without such, when the newest file was written."""
     dates = [_DATED.match(pathlib.Path(path).absolute().name) for path in paths]
     if all(dates):
         last = max(date.group() for date in dates if date)
@@ -69,7 +69,7 @@ def unmeasured(runs: DataSet, paths: Sequence[str], at: float) -> Entry:
 
 
 def measured(entry: Entry, runs: DataSet, accepted: Entry | None, progress: Progress) -> Entry:
-    """With its numbers, about the accepted robot and weighed as its accepted state was; without one, as such a state."""
+    """With its numbers, weighed as those of the accepted state; `accepted` None: as such a state."""
     reference = accepted or entry
     found = track(
         runs.robot,
@@ -100,21 +100,24 @@ def accepted_runs(accepted: Entry) -> DataSet:
 
 
 def name_cause(runs: DataSet, accepted: Entry, progress: Progress) -> tuple[Report, str]:
-    """The diagnosis of the change since the accepted runs, or, where they are gone, of the gap to the accepted robot; and
-    a remark on that."""
+    """The diagnosis of the change since the accepted runs, or, where they are gone or of other motions, of the
+    gap to the accepted robot; and a remark on that."""
+
+    def diagnosed(before: DataSet | None) -> Report:
+        return diagnose(
+            runs.robot,
+            runs,
+            before,
+            delta_N=accepted.delta_N,
+            delta_m=accepted.delta_m,
+            next=False,
+            progress=progress,
+        )
+
     try:
-        before, remark = accepted_runs(accepted), ""
+        return diagnosed(accepted_runs(accepted)), ""
     except Error as error:
-        before, remark = None, f"diagnosed without the accepted runs: {str(error).splitlines()[0]}"
-    delta = {"delta_N": accepted.delta_N, "delta_m": accepted.delta_m}
-    try:
-        report = diagnose(runs.robot, runs, before, next=False, progress=progress, **delta)
-    except Error as error:
-        if before is None:
-            raise
-        remark = f"diagnosed without the accepted runs: {str(error).splitlines()[0]}"
-        report = diagnose(runs.robot, runs, next=False, progress=progress, **delta)
-    return report, remark
+        return diagnosed(None), f"diagnosed without the accepted runs: {str(error).splitlines()[0]}"
 
 
 def finding(changes: Sequence[Change], false_alarms_per_year: float) -> dict[str, Any]:

@@ -88,8 +88,12 @@ def _facts(accepted: Entry, days: Sequence[Entry]) -> str:
         ("accepted with", accepted.build, f"{len(accepted.runs)} runs"),
     ]
     cells = "".join(
-        f"<div class='fact'><div class='k'>{escape(k)}</div><div class='v'>{escape(v)}</div><div class='s'>{escape(s)}</div></div>"
-        for k, v, s in facts
+        "<div class='fact'>"
+        + "".join(
+            f"<div class='{style}'>{escape(words)}</div>" for style, words in zip("kvs", fact, strict=True)
+        )
+        + "</div>"
+        for fact in facts
     )
     return f"<div class='facts'>{cells}</div>"
 
@@ -99,8 +103,8 @@ def _changes(accepted: Entry, days: Sequence[Entry], changes: Sequence[Change]) 
         return "<section><h2>What changed</h2><p class='caption'>Nothing beyond chance.</p></section>"
     cards = "".join(_card(accepted, days, change.key, change) for change in changes[:12])
     caption = (
-        "Each number is what it would be if it alone had changed, so one cause shows in several. Points: a day with its 95 % "
-        "interval, less the accepted value. Grey: what does not matter. Line: the step or drift that fits best."
+        "Each number is what it would be if it alone had changed, so one cause shows in several. Points: a day with "
+        "its 95 % interval, less the accepted value. Grey: what does not matter. Line: the step or drift that fits best."
     )
     return f"<section><h2>What changed</h2><p class='caption'>{caption}</p><div class='grid'>{cards}</div></section>"
 
@@ -180,7 +184,8 @@ def _ticks(
     shown = ""
     for value in (reach, 0.0, -reach):
         words = f"{factor * value:+.2g} {unit}".rstrip() if value else "0"
-        shown += f"<text class='soft tiny' text-anchor='end' x='{LEFT - 6}' y='{axes.y(value) + 4:.1f}'>{escape(words)}</text>"
+        place = f"x='{LEFT - 6}' y='{axes.y(value) + 4:.1f}'"
+        shown += f"<text class='soft tiny' text-anchor='end' {place}>{escape(words)}</text>"
     first, last = points[0][0], points[-1][0]
     shown += f"<text class='soft tiny' x='{LEFT}' y='{HEIGHT - 6}'>{date(first)}</text>"
     if last - first >= DAY_s:

@@ -1,5 +1,5 @@
-"""The database of watched robots (SQLite). One transaction an entry: after a kill or on a full disk an entry is there as a
-whole, or not at all. Knows nothing of what the numbers mean."""
+"""The database of watched robots (SQLite). One transaction an entry: after a kill or on a full disk an entry is there
+as a whole, or not at all. Knows nothing of what the numbers mean."""
 
 from __future__ import annotations
 
@@ -144,7 +144,7 @@ class Store:
             )
 
     def _empty(self) -> bool:
-        return self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
+        return self._db.execute("SELECT name FROM sqlite_master LIMIT 1").fetchone() is None
 
     def __enter__(self) -> Store:
         return self
