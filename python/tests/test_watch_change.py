@@ -41,10 +41,10 @@ def first_found(accepted, days, rate=0.5, alarm=False):
 def test_no_more_false_alarms_than_asked_for_and_not_far_fewer():
     """The rate that is asked for is a bound; far below it, changes would be found late."""
     rng, days, rate, alarms = np.random.default_rng(1), 60, 60.0, 0
-    for _ in range(10):
+    for _ in range(6):
         accepted, course = robot(rng, days)
         alarms += sum(bool(changes(accepted, course[: n + 1], rate)) for n in range(days))
-    asked_for = rate / 365 * 600
+    asked_for = rate / 365 * 6 * days
     assert 0.02 * asked_for < alarms < asked_for + 3 * math.sqrt(asked_for)
 
 

@@ -94,8 +94,8 @@ def make_parser(command: str) -> argparse.ArgumentParser:
 
 
 def accept(o: argparse.Namespace) -> int:
-    with Store(o.db, "rwc") as store, Line() as line:
-        store.require_writable()
+    require_writable(o.db)
+    with Line() as line:
         runs = day.read_runs(o.data, o.robot, o.same_robot)
         entry = replace(
             day.unmeasured(runs, o.data, day.recorded_at(o.data) if o.at is None else o.at),
@@ -104,7 +104,9 @@ def accept(o: argparse.Namespace) -> int:
             delta_N=o.delta_N,
             delta_m=None if o.delta_mm is None else 1e-3 * o.delta_mm,
         )
-        entry = store.add(day.measured(entry, runs, None, line))
+        entry = day.measured(entry, runs, None, line)
+    with Store(o.db, "rwc") as store:
+        entry = store.add(entry)
     print(
         f"robot '{entry.robot}' accepted as of {text.moment(entry.at)} UTC: "
         f"{len(entry.numbers)} numbers of {len(runs)} runs"
@@ -112,6 +114,17 @@ def accept(o: argparse.Namespace) -> int:
     for note in entry.notes:
         print(f"  {note}")
     return 0
+
+
+def require_writable(db: str) -> None:
+    """Found before the work; where it is missing it is made with its first entry."""
+    if os.path.exists(db):
+        with Store(db) as store:
+            store.require_writable()
+    elif not os.access(os.path.dirname(os.path.abspath(db)), os.W_OK):
+        raise StoreError(
+            f"{db}: its folder is not there or may not be written by this user; give another --db"
+        )
 
 
 def watch(o: argparse.Namespace) -> int:

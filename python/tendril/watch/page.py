@@ -25,6 +25,8 @@ def require_page(path: str) -> None:
     file = pathlib.Path(path)
     try:
         if not file.exists():
+            if not file.absolute().parent.is_dir():
+                raise Error(f"{path}: there is no such folder; make it, or give another --page")
             return
         with open(file, encoding="utf-8", errors="replace") as text:
             if MARK in text.read(200):

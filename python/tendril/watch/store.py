@@ -105,7 +105,9 @@ class Store:
     """The file; use it as a context. `mode`: 'rwc' makes it where it is missing, 'rw' does not, 'ro' only reads."""
 
     def __init__(self, path: str, mode: str = "rw") -> None:
-        self._path = path
+        self._path, self._mode = path, mode
+        if pathlib.Path(path).is_dir():
+            raise StoreError(f"{path}: a folder; give the file of a database in --db")
         if mode != "rwc" and not pathlib.Path(path).exists():
             raise StoreError(
                 f"{path}: no such database; tendril gap accept makes it with a robot's first accepted state"
@@ -157,17 +159,15 @@ class Store:
         try:
             yield
         except sqlite3.Error as error:
-            remedy = "nothing of this entry was kept, what was there before is; "
-            text = str(error)
-            if "full" in text or "I/O" in text:
-                remedy += "make room on its disk and run this again"
-            elif "locked" in text:
-                remedy += "another program writes to it: run this again"
-            elif "not a database" in text or "malformed" in text:
-                remedy = "give another --db, or a copy of it from before"
-            else:
-                remedy = "check that the file and its folder may be written by this user"
-            raise StoreError(f"{self._path}: {text}; {remedy}") from None
+            raise StoreError(f"{self._path}: {error}; {self._remedy(str(error))}") from None
+
+    def _remedy(self, text: str) -> str:
+        if "not a database" in text or "malformed" in text:
+            return "give another --db, or a copy of it from before"
+        if "unable to open" in text or "readonly" in text or self._mode == "ro":
+            return "check that the file and its folder are there and that this user may use them"
+        cause = "another program writes to it" if "locked" in text else "make room on its disk"
+        return f"nothing of this entry was kept, what was there before is; {cause}: run this again"
 
     @contextlib.contextmanager
     def _transaction(self) -> Iterator[None]:
