@@ -5,9 +5,11 @@ import csv
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
+import xml.etree.ElementTree
 
 import pytest
 import tendril
@@ -102,6 +104,11 @@ def test_the_page_needs_nothing_else_and_shows_every_number(alarmed):
         numbers = store.accepted("rig_60mm")[-1].numbers
     for key in numbers:
         assert f"<h3>{key}</h3>" in page
+    plots = re.findall("<svg.*?</svg>", page)
+    assert len(plots) >= len(numbers)
+    for plot in plots:
+        points = [float(c.get("cy")) for c in xml.etree.ElementTree.fromstring(plot).iter("circle")]
+        assert len(points) == 3 and all(0 < y < 150 for y in points)
 
 
 def test_the_same_runs_again_are_the_same_entry_and_the_same_alarm(alarmed, days):

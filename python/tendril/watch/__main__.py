@@ -184,7 +184,7 @@ def watch_one(store: Store, o: argparse.Namespace, accepted: Entry, paths: list[
     entry = store.add(entry)
     status = tell(o, accepted, [*days, entry], found)
     if report is not None:
-        save(report, os.path.join(o.out, f"{entry.robot}-{text.date(entry.at)}-{entry.id}"))
+        save(report, os.path.join(o.out, f"{text.date(entry.at)}-{entry.digest[:12]}"))
     return status
 
 
