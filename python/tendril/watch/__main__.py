@@ -166,7 +166,7 @@ def watch_one(store: Store, o: argparse.Namespace, accepted: Entry, paths: list[
     known = next((other for other in days if other.digest == entry.digest), None)
     if known is not None:
         days = [other for other in days if (other.at, other.id) <= (known.at, known.id)]
-        return tell(o, accepted, days, changes(accepted, days, o.false_alarms))
+        return tell(o, accepted, days, changes(accepted, days, known.finding["false_alarms_per_year"]))
     if entry.at < accepted.at:
         raise Error(
             f"{paths[0]}: recorded {text.moment(entry.at)}, before the accepted state ({text.moment(accepted.at)}); "

@@ -93,9 +93,8 @@ class _Course:
         weight = 1 / self.variance
         share = self.common / (1 + self.common * weight.sum())
         weighted = weight * shape
-        solved = (
-            weighted - weight * share * weighted.sum()
-        )  # inverse covariance times shape (Sherman and Morrison)
+        # Inverse covariance times shape (Sherman and Morrison).
+        solved = weighted - weight * share * weighted.sum()
         information = float(solved @ shape)
         if not information > 0:
             return 0.0, math.inf

@@ -6,6 +6,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import os
 import pathlib
 import sqlite3
 from collections.abc import Iterator
@@ -101,6 +102,11 @@ class Entry:
 _COLUMNS = ("robot", "at", "numbers", "accepted", "id")  # of the tables; all else is in `about`
 
 
+def _written(path: str) -> bool:
+    """Whether a program has it open to write."""
+    return os.path.exists(f"{path}-wal")
+
+
 class Store:
     """The file; use it as a context. `mode`: 'rwc' makes it where it is missing, 'rw' does not, 'ro' only reads."""
 
@@ -114,6 +120,13 @@ class Store:
             )
         with self._explained():
             uri = f"{pathlib.Path(path).absolute().as_uri()}?mode={mode}"
+            # Whoever may not write beside it reads it as it is between two entries.
+            if (
+                mode == "ro"
+                and not os.access(pathlib.Path(path).absolute().parent, os.W_OK)
+                and not _written(path)
+            ):
+                uri += "&immutable=1"
             self._db = sqlite3.connect(uri, uri=True, timeout=30, isolation_level=None)
         try:
             self._open(mode)
@@ -164,6 +177,8 @@ class Store:
     def _remedy(self, text: str) -> str:
         if "not a database" in text or "malformed" in text:
             return "give another --db, or a copy of it from before"
+        if "UNIQUE" in text:
+            return "another program entered the same runs meanwhile: run this again"
         if "unable to open" in text or "readonly" in text or self._mode == "ro":
             return "check that the file and its folder are there and that this user may use them"
         cause = "another program writes to it" if "locked" in text else "make room on its disk"
