@@ -11,6 +11,7 @@ from dataclasses import replace
 
 from .. import load_robot
 from .._command_line import Parser, add_lcm_options, number
+from ..data_set import DataSet
 from ..errors import Error
 from ..report import Report
 from . import alarm, day, page, text
@@ -177,15 +178,23 @@ def watch_one(store: Store, o: argparse.Namespace, accepted: Entry, paths: list[
         entry = replace(day.measured(entry, runs, accepted, line), accepted=accepted.id)
         found = changes(accepted, [*days, entry], o.false_alarms)
         entry = replace(entry, finding=day.finding(found, o.false_alarms))
-        report = None
-        if entry.finding["alarm"] and not o.no_cause:
-            report, remark = day.name_cause(runs, accepted, line)
-            entry.finding["cause"] = day.cause_json(report, remark)
+        report = cause_of(runs, accepted, entry, line) if entry.finding["alarm"] and not o.no_cause else None
     entry = store.add(entry)
     status = tell(o, accepted, [*days, entry], found)
     if report is not None:
         save(report, os.path.join(o.out, f"{text.date(entry.at)}-{entry.digest[:12]}"))
     return status
+
+
+def cause_of(runs: DataSet, accepted: Entry, entry: Entry, line: Line) -> Report | None:
+    """Adds it to the finding. An alarm without a diagnosis is an alarm all the same."""
+    try:
+        report, remark = day.name_cause(runs, accepted, line)
+    except Error as error:
+        alarm.warn("watch", f"no diagnosis of the alarm: {error}")
+        return None
+    entry.finding["cause"] = day.cause_json(report, remark)
+    return report
 
 
 def accepted_state(store: Store, file: str) -> Entry:
@@ -209,7 +218,6 @@ def tell(o: argparse.Namespace, accepted: Entry, days: list[Entry], found: list[
     entry, nor hide an alarm."""
     entry = days[-1]
     alarmed = bool(entry.finding.get("alarm"))
-    alarm.say(text.day_json(entry, found) if o.json else text.day_text(entry, accepted, found), alarmed)
     failed = 0
     for work in tellings(o, accepted, days, found, alarmed):
         try:
@@ -217,6 +225,8 @@ def tell(o: argparse.Namespace, accepted: Entry, days: list[Entry], found: list[
         except Error as error:
             alarm.warn("watch", str(error))
             failed = 1
+    # Last, for its reader may be gone.
+    alarm.say(text.day_json(entry, found) if o.json else text.day_text(entry, accepted, found), alarmed)
     return CHANGED if alarmed else failed
 
 
