@@ -2,7 +2,7 @@
 The C++ rooms of Tendril, as the package tendril uses them. Programs import tendril instead.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated
 
 import numpy
@@ -334,6 +334,10 @@ class Calibration:
     def robot(self) -> Robot: ...
 
 def calibrate(set: Set, seed: int, threads: int, progress: object | None) -> Calibration: ...
+
+def track(set: Set, delta_N: float, delta_m: float, seed: int, threads: int, discrepancy: Mapping[str, float], progress: object | None) -> str: ...
+
+def report_style() -> str: ...
 
 def read_report(file: str) -> Diagnosis: ...
 

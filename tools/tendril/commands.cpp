@@ -21,13 +21,16 @@ std::unique_ptr<CLI::App> MakeApp() {
   AddExciteCommand(*app);
   AddFaultCommand(*app);
   AddFollowCommand(*app);
+  AddGapAcceptCommand(*app);
   AddGapApplyCommand(*app);
   AddGapCalibrateCommand(*app);
   AddGapDiagnoseCommand(*app);
   AddGapExplainCommand(*app);
+  AddGapHistoryCommand(*app);
   AddGapImportCommand(*app);
   AddGapReportCommand(*app);
   AddGapSimulateCommand(*app);
+  AddGapWatchCommand(*app);
   AddHomeCommand(*app);
   AddInitCommand(*app);
   AddLogCutCommand(*app);
