@@ -7,6 +7,7 @@ install(PROGRAMS ${plot_scripts} DESTINATION ${CMAKE_INSTALL_DATADIR}/tendril)
 install(DIRECTORY examples DESTINATION ${CMAKE_INSTALL_DOCDIR} USE_SOURCE_PERMISSIONS)
 install(FILES README.md CHANGELOG.md ${systemd}/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR})
 install(DIRECTORY docs/pictures DESTINATION ${CMAKE_INSTALL_DOCDIR}/docs)
+install(FILES ${systemd}/tendril-gap-watch@.service ${systemd}/tendril-gap-watch@.timer DESTINATION lib/systemd/system)
 install(FILES ${systemd}/tendril.tmpfiles DESTINATION lib/tmpfiles.d RENAME tendril.conf)
 
 # For other projects: find_package(tendril COMPONENTS io ...), see examples/.

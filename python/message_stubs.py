@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Types of the messages for editors and type checkers: message_stubs.py OUT FILE.lcm...
+"""Types of the messages: message_stubs.py FOLDER FILE.lcm...
 
-lcm-gen's Python has none. The comment of each field, with its unit and meaning, becomes its description.
+lcm-gen's Python has none. __init__.pyi is for editors and type checkers; the comment of each field, with its unit and
+meaning, becomes its description. fields.py is for programs: each message's fields with LCM's types and lengths.
 """
 
 import pathlib
@@ -28,6 +29,28 @@ def kind(base, dimensions):
     return text
 
 
+def fields(path):
+    """Name, type and length of each field: the name of the field with it, a number, or None for one value."""
+    found = []
+    for match in filter(None, map(FIELD.match, path.read_text().splitlines())):
+        base, name, dimensions, _ = match.groups()
+        if base == "package":
+            continue
+        length = dimensions.strip("[]")
+        if "[" in length:
+            raise SystemExit(f"{path.name}: {name}: arrays of arrays have no place in fields.py")
+        found.append((name, base, int(length) if length.isdigit() else length or None))
+    return found
+
+
+def table(files):
+    lines = ['"""Fields of the messages of lcm_types, in their order. Written by message_stubs.py."""', ""]
+    lines += ["FIELDS: dict[str, list[tuple[str, str, str | int | None]]] = {"]
+    for path in files:
+        lines += [f'    "{path.stem}": [', *(f"        {field!r}," for field in fields(path)), "    ],"]
+    return "\n".join([*lines, "}"]) + "\n"
+
+
 def stub(path):
     lines = [f"class {path.stem}:"]
     for line in path.read_text().splitlines():
@@ -45,10 +68,12 @@ def stub(path):
 
 
 def main():
-    out, *files = map(pathlib.Path, sys.argv[1:])
+    folder, *files = map(pathlib.Path, sys.argv[1:])
+    files.sort()
     head = '"""The messages of lcm_types, as lcm-gen -p writes them. Written by message_stubs.py."""\n\n'
     imports = "from collections.abc import Sequence\n\n"
-    out.write_text(head + imports + "\n".join(stub(path) for path in sorted(files)))
+    (folder / "__init__.pyi").write_text(head + imports + "\n".join(map(stub, files)))
+    (folder / "fields.py").write_text(table(files))
 
 
 if __name__ == "__main__":

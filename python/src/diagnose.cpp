@@ -1,11 +1,13 @@
 // The diagnosis and its report. The report is handed over as its JSON, which the package reads into
 // dataclasses.
 #include <nanobind/nanobind.h>
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -19,6 +21,7 @@
 #include "tendril/gap/calibration_text.h"
 #include "tendril/gap/found_effects.h"
 #include "tendril/gap/report.h"
+#include "tendril/gap/track.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::python {
@@ -64,6 +67,22 @@ gap::Calibration Calibrate(const Set& set, std::uint64_t seed, int threads, cons
   return std::move(*found);
 }
 
+std::string Track(const Set& set, double delta_N, double delta_m, std::uint64_t seed, int threads,
+                  const std::map<std::string, double>& discrepancy, const nb::object& progress) {
+  const auto work = std::make_shared<Work>();
+  gap::TrackOptions options;
+  options.delta_N = delta_N;
+  options.delta_m = delta_m;
+  options.seed = seed;
+  options.threads = threads;
+  options.discrepancy = discrepancy;
+  options.progress = ReportTo(work.get());
+  const auto found = std::make_shared<gap::Tracking>();
+  Run(
+      work, [=] { *found = gap::Track(*set, options); }, progress);
+  return gap::TrackingJson(*found);
+}
+
 RobotParameters Corrected(const RobotParameters& file, const Diagnosis& diagnosis) {
   RobotParameters robot = gap::WithLearnedNumbers(file, diagnosis);
   for (const EffectSetting& effect : gap::FoundEffects(diagnosis)) robot.effects.push_back(effect);
@@ -96,6 +115,9 @@ void AddDiagnose(nb::module_& m) {
       .def_ro("robot", &gap::Calibration::robot);
   m.def("calibrate", &Calibrate, nb::arg("set"), nb::arg("seed"), nb::arg("threads"),
         nb::arg("progress").none());
+  m.def("track", &Track, nb::arg("set"), nb::arg("delta_N"), nb::arg("delta_m"), nb::arg("seed"),
+        nb::arg("threads"), nb::arg("discrepancy"), nb::arg("progress").none());
+  m.def("report_style", &gap::ReportStyle);
   m.def(
       "read_report", [](const std::string& file) { return gap::ReadReport(file); }, nb::arg("file"));
   m.def("effect_names", &EffectNames);

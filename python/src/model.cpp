@@ -19,6 +19,7 @@
 #include "rows.h"
 #include "tendril/core/robot.h"
 #include "tendril/core/tip_unit.h"
+#include "tendril/exchange/robot_model.h"
 #include "tendril/model/arc_tensions.h"
 #include "tendril/model/body.h"
 #include "tendril/model/capstan.h"
@@ -189,6 +190,12 @@ class Model {
   }
 
   /// N + 1 homogeneous frames a row, base disk first, 4 x 4 row by row.
+  Rows HingeAngles(Rows q_rows) const {
+    const RowsPtr q = Keep(std::move(q_rows));
+    return Filled(q->rows(), s_->body.dof(), kNoScratch, [q](Index i, auto row, Nothing&) {
+      row = exchange::HingeAngles(q->row(i).transpose()).transpose();
+    });
+  }
   Rows Disks(Rows q_rows) const {
     const RowsPtr q = Keep(std::move(q_rows));
     const Index disks = s_->body.units() + 1;
@@ -340,6 +347,7 @@ void AddModel(nb::module_& m) {
       .def("mass_matrix", &Model::MassMatrix, nb::arg("q"))
       .def("energy", &Model::Energy, nb::arg("q"), nb::arg("dq"))
       .def("backbone", &Model::Backbone, nb::arg("q"), nb::arg("points"))
+      .def("hinge_angles", &Model::HingeAngles, nb::arg("q"))
       .def("disks", &Model::Disks, nb::arg("q"))
       .def("tendon_points", &Model::TendonPoints, nb::arg("q"))
       .def("inverse", &Model::Inverse, nb::arg("bending"), nb::arg("rate").none(),

@@ -55,6 +55,7 @@ NB_MODULE(_core, m) {
   python::AddDataSet(m);
   python::AddSimulate(m);
   python::AddDiagnose(m);
+  python::AddLog(m);
   python::AddReplay(m);
   python::AddClient(m);
   python::AddStatus(m);

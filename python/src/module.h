@@ -10,6 +10,7 @@ void AddModel(nanobind::module_& m);
 void AddDataSet(nanobind::module_& m);
 void AddSimulate(nanobind::module_& m);
 void AddDiagnose(nanobind::module_& m);
+void AddLog(nanobind::module_& m);
 void AddReplay(nanobind::module_& m);
 void AddClient(nanobind::module_& m);
 void AddStatus(nanobind::module_& m);

@@ -12,6 +12,7 @@
 #include "module.h"
 #include "tendril/config/config.h"
 #include "tendril/core/load_cell_place.h"
+#include "tendril/exchange/robot_model.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::python {
@@ -68,6 +69,16 @@ RobotParameters WithEffects(RobotParameters robot, const std::vector<std::string
   for (const std::string& text : effects) robot.effects.push_back(sim::ParseEffect(text, robot));
   sim::CheckEffects(robot);
   return robot;
+}
+
+std::string ToUrdf(const RobotParameters& robot) { return exchange::Urdf(sim::FoldEffects(robot)).text; }
+
+std::string ToMjcf(const RobotParameters& robot, const std::optional<std::string>& actuators,
+                   std::optional<double> friction_at_N, std::optional<double> timestep_s) {
+  return exchange::Mjcf(sim::FoldEffects(robot),
+                        {actuators ? std::optional(exchange::ActuatorsOf(*actuators)) : std::nullopt,
+                         friction_at_N, timestep_s})
+      .text;
 }
 
 std::string Repr(const RobotParameters& r) {
@@ -139,6 +150,14 @@ void AddRobotClass(nb::module_& m) {
       .def(
           "to_yaml", [](R r) { return config::ToYaml(r); },
           "The resolved file, with every value spelled out.")
+      .def("to_mjcf", &ToMjcf, nb::kw_only(), nb::arg("actuators") = nb::none(),
+           nb::arg("friction_at") = nb::none(), nb::arg("timestep") = nb::none(),
+           "The robot for MuJoCo, as `tendril model export` writes it. actuators: 'tensions' at the base, or "
+           "'motors', the default\n"
+           "where the robot has them; friction_at: base tension [N] whose losses the constant friction has; "
+           "timestep [s].")
+      .def("to_urdf", &ToUrdf,
+           "The kinematic chain with its inertias as URDF; joint angles: `Model.hinge_angles`.")
       .def("__repr__", &Repr);
 }
 

@@ -33,6 +33,7 @@ from .model import Bending, Inverse, InverseTip, Model, Tip
 from .report import Report
 from .simulation import simulate
 from .state import Event, State, Statistics
+from .tracking import Tracking, track
 from .transmission import Capstan, capstan
 
 __version__: str = _core.version()
@@ -76,6 +77,7 @@ __all__ = [
     "State",
     "Statistics",
     "Tip",
+    "Tracking",
     "calibrate",
     "capstan",
     "diagnose",
@@ -84,4 +86,5 @@ __all__ = [
     "load_robot",
     "parse_robot",
     "simulate",
+    "track",
 ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import signal
 import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
@@ -40,6 +41,12 @@ def prefix(text: str) -> str:
     if not re.fullmatch("[A-Za-z0-9_]{1,40}", text):
         raise argparse.ArgumentTypeError(f"'{text}' is not a prefix; accepted: 1 to 40 letters, digits and '_'")
     return text
+
+
+def stop_signals() -> list[signal.Signals]:
+    """Those that ask a program to end, without a hang-up that is ignored, as under nohup."""
+    ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    return [signal.SIGINT, signal.SIGTERM] + ([] if ignored else [signal.SIGHUP])
 
 
 def add_lcm_options(parser: argparse.ArgumentParser) -> None:

@@ -2,7 +2,7 @@
 The C++ rooms of Tendril, as the package tendril uses them. Programs import tendril instead.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Annotated
 
 import numpy
@@ -115,6 +115,17 @@ class Robot:
     def to_yaml(self) -> str:
         """The resolved file, with every value spelled out."""
 
+    def to_mjcf(self, *, actuators: str | None = None, friction_at: float | None = None, timestep: float | None = None) -> str:
+        """
+        The robot for MuJoCo, as `tendril model export` writes it. actuators: 'tensions' at the base, or 'motors', the default
+        where the robot has them; friction_at: base tension [N] whose losses the constant friction has; timestep [s].
+        """
+
+    def to_urdf(self) -> str:
+        """
+        The kinematic chain with its inertias as URDF; joint angles: `Model.hinge_angles`.
+        """
+
     def __repr__(self) -> str: ...
 
 class Daemon:
@@ -181,6 +192,8 @@ class Model:
     def energy(self, q: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')], dq: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]: ...
 
     def backbone(self, q: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')], points: int) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]: ...
+
+    def hinge_angles(self, q: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]: ...
 
     def disks(self, q: Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='C')]: ...
 
@@ -322,11 +335,44 @@ class Calibration:
 
 def calibrate(set: Set, seed: int, threads: int, progress: object | None) -> Calibration: ...
 
+def track(set: Set, delta_N: float, delta_m: float, seed: int, threads: int, discrepancy: Mapping[str, float], progress: object | None) -> str: ...
+
+def report_style() -> str: ...
+
 def read_report(file: str) -> Diagnosis: ...
 
 def effect_names() -> list[str]: ...
 
 def diagnose(set: Set, delta_N: float, delta_m: float, seed: int, only: Sequence[str], without: Sequence[str], refits: int, threads: int, next: bool, daemon: str, progress: object | None) -> Diagnosis: ...
+
+class LogMessages:
+    """The messages of an LCM log in the order of the file, past damage."""
+
+    def __init__(self, path: str) -> None: ...
+
+    def next(self, most: int) -> list[tuple[str, str, int, bytes]]:
+        """
+        Channel, type ('' where it is none of this version), stamp [us] and bytes of up to `most` messages; empty at the end.
+        """
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file."""
+
+    @property
+    def position(self) -> int:
+        """Bytes of it before the last message."""
+
+    def damage(self) -> str:
+        """Damaged places by their bytes, in one line; empty: none."""
+
+def message_type(data: bytes) -> str:
+    """
+    Type of lcm_types that the bytes are exactly one message of; '' where they are none of this version.
+    """
+
+def is_channel_of_tendril(channel: str) -> bool:
+    """Whether a channel is named as Tendril names its own."""
 
 def replayed_shape(robot: Robot, run: Run, times: Annotated[NDArray[numpy.float64], dict(shape=(None,), order='C')]) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')]: ...
 

@@ -67,8 +67,8 @@ def diagnose(
         warnings.warn(line, stacklevel=2)
     diagnosis = _core.diagnose(
         runs._core,
-        _materiality("delta_N", delta_N),
-        _materiality("delta_m", delta_m),
+        materiality("delta_N", delta_N),
+        materiality("delta_m", delta_m),
         seed,
         only,
         without,
@@ -81,7 +81,8 @@ def diagnose(
     return Report._of(diagnosis)
 
 
-def _materiality(name: str, value: float | None) -> float:
+def materiality(name: str, value: float | None) -> float:
+    """A materiality as the rooms take it: 0 stands for None."""
     if value is None:
         return 0.0
     if not number(name, value, "above 0") > 0:

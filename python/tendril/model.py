@@ -276,6 +276,18 @@ class Model:
         batch = self._shapes(q)
         return batch.shaped(self._core.disks(*batch.tables()), self._robot.units + 1, 4, 4)
 
+    def hinge_angles(self, q: ArrayLike) -> Array:
+        """Angles of the joints of `Robot.to_urdf` and `Robot.to_mjcf`: unit1_u, unit1_v, unit2_u, ...
+
+        Args:
+            q: bends of the units [rad], (2N,) or (N, 2N).
+
+        Returns:
+            Joint angles [rad], (2N,) a row: about half of the bends. The joints named ..._end equal them.
+        """
+        batch = self._shapes(q)
+        return batch.shaped(self._core.hinge_angles(*batch.tables()))
+
     def tendon_points(self, q: ArrayLike) -> Array:
         """Each tendon's polyline: its hole in the base disk and in each disk up to the one where it ends.
 

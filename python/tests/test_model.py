@@ -204,3 +204,30 @@ def test_inverse_of_what_was_found(rig):
         model.inverse([0.1, 0.1], shape="round")
     with pytest.raises(ValueError, match="min_tension is -1.0 N; give 0 to"):
         model.inverse([0.1, 0.1], min_tension=-1)
+
+
+def test_exports_equal_the_commands(rig, tmp_path):
+    mjcf, urdf = tmp_path / "robot.xml", tmp_path / "robot.urdf"
+    program("model", "export", "--robot", ROBOTS / "rig_60mm.yaml", "--mjcf", mjcf, "--urdf", urdf, "--friction-at", 2)
+    assert rig.to_mjcf(friction_at=2) == mjcf.read_text()
+    assert rig.to_urdf() == urdf.read_text()
+    assert rig.to_mjcf(actuators="tensions") == rig.to_mjcf(actuators="tensions", friction_at=5) != rig.to_mjcf()
+    for wrong in ({"actuators": "muscles"}, {"friction_at": -1.0}, {"timestep": 0.0}, {"timestep": float("nan")}):
+        with pytest.raises(ValueError, match="accepted"):
+            rig.to_mjcf(**wrong)
+    alone = tendril.load_robot(ROBOTS / "qi2021_60mm.yaml")
+    with pytest.raises(ValueError, match="no actuation; accepted: tensions"):
+        alone.to_mjcf(actuators="motors")
+
+
+def test_hinges_turn_the_disk_as_the_arc_does(model):
+    rng = np.random.default_rng(5)
+    for size in (1e-9, 0.5, 3.0):
+        q = np.zeros(2 * model.robot.units)
+        q[:2] = rng.normal(size=2)
+        q[:2] *= size / np.hypot(*q[:2])
+        u, v = model.hinge_angles(q)[:2]
+        cu, su, cv, sv = np.cos(u), np.sin(u), np.cos(2 * v), np.sin(2 * v)
+        about_y = np.array([[cu, 0, su], [0, 1, 0], [-su, 0, cu]])
+        about_minus_x = np.array([[1, 0, 0], [0, cv, sv], [0, -sv, cv]])
+        np.testing.assert_allclose(about_y @ about_minus_x @ about_y, model.disks(q)[1, :3, :3], atol=1e-12)

@@ -120,7 +120,7 @@ def test_a_damaged_log_shows_what_is_left(tmp_path):
         path.write_bytes(whole[:at] + damage + whole[at + 4 :])
         recording = logs.read_log(path)
         assert whole_s - 0.1 < recording.duration_s <= whole_s
-        assert any("bytes of the log are damaged" in remark for remark in recording.remarks)
+        assert any("the log is damaged: the event at byte" in remark for remark in recording.remarks)
 
 
 def test_words_that_are_no_source_are_one_line(tmp_path):

@@ -72,7 +72,7 @@ Evaluator::Evaluator(const DataSet& set, const Options& options) : nominal_(set.
   nominal_residuals_.resize(runs_.size());
   ParallelFor(static_cast<int>(runs_.size()), options.threads, [&](int i) {
     try {
-      nominal_motion_[i] = sim::Replay(nominal_).Body(runs_[i].signals, driven_by_, 1);
+      nominal_motion_[i] = sim::Replay(nominal_).Body(runs_[i].signals, driven_by_);
     } catch (const std::runtime_error& error) {
       trouble[i] = fmt::format("{}: {}", runs_[i].name, error.what());
     }

@@ -109,7 +109,8 @@ class Evaluator {
 
   /// Residuals of a robot at the requested cuts; for the runs in `only`, or all when empty. Throws
   /// std::runtime_error when the simulation fails.
-  Residuals At(const RobotParameters& robot, unsigned cuts, const std::vector<int>& only = {}) const;
+  Residuals At(const RobotParameters& robot, unsigned cuts, const std::vector<int>& only = {},
+               sim::Replay::Steps steps = sim::Replay::Steps::kFine) const;
   /// With the nominal robot.
   const Residuals& AtNominal() const { return nominal_residuals_; }
   /// Variance due to noise, resolution and repeatability in each window [run][channel][window]; infinite
@@ -147,7 +148,8 @@ class Evaluator {
     sim::BodyMotion motion;
   };
   Replayed ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,
-                     const sim::BodyMotion* known_motion) const;
+                     const sim::BodyMotion* known_motion,
+                     sim::Replay::Steps steps = sim::Replay::Steps::kFine) const;
   std::vector<Eigen::VectorXd> ResidualsOf(const Replayed& replayed, const PreparedRun& run, unsigned cuts,
                                            std::vector<Eigen::VectorXd>* scatter = nullptr) const;
   /// The cells' readings from the tendons' stretch (S x M). Motors that count from their rest position use

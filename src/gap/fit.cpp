@@ -11,7 +11,7 @@
 namespace tendril::gap {
 
 Column Sensitivity(const Evaluator& evaluator, const Model& model, int k, double step,
-                   const Residuals& at_model, unsigned cuts) {
+                   const Residuals& at_model, unsigned cuts, sim::Replay::Steps steps) {
   Model moved = model;
   const auto& p = model.parameter(k);
   double to = model.values[k] + step;
@@ -20,7 +20,7 @@ Column Sensitivity(const Evaluator& evaluator, const Model& model, int k, double
   const double change = to - model.values[k];
   if (change == 0) return Column(at_model.size(), std::vector<Eigen::VectorXd>(evaluator.channels().size()));
   moved.values[k] = to;
-  Column column = evaluator.At(moved.Robot(evaluator.nominal()), cuts);
+  Column column = evaluator.At(moved.Robot(evaluator.nominal()), cuts, {}, steps);
   for (std::size_t i = 0; i < column.size(); ++i) {
     for (std::size_t c = 0; c < column[i].size(); ++c) {
       if (column[i][c].size() > 0) column[i][c] = (at_model[i][c] - column[i][c]) / change;

@@ -79,8 +79,10 @@ class Fitter {
   const Nuisances& nuisances_;
 };
 
-/// d simulated / d value of parameter k at the model, by a finite difference of size `step`.
+/// d simulated / d value of parameter k at the model, by a finite difference of size `step`; `at_model` by
+/// the same `steps` of the body.
 Column Sensitivity(const Evaluator& evaluator, const Model& model, int k, double step,
-                   const Residuals& at_model, unsigned cuts);
+                   const Residuals& at_model, unsigned cuts,
+                   sim::Replay::Steps steps = sim::Replay::Steps::kFine);
 
 }  // namespace tendril::gap

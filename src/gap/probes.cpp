@@ -18,6 +18,32 @@ constexpr int kOnsetHalvings = 6;
 constexpr double kOnsetDerivative = 0.0125;  // in plainly visible deviations
 constexpr double kOnsetSteps[] = {0.02, 0.1, 0.4};
 
+/// Differences from the nominal robot, with the body in coarse steps: enough to rank candidates, of which the
+/// likely ones are refitted.
+class Screen {
+ public:
+  Screen(const Evaluator& evaluator, int threads) : evaluator_(evaluator), coarse_(evaluator.runs().size()) {
+    ParallelFor(static_cast<int>(coarse_.size()), threads, [&](int i) {
+      coarse_[i] =
+          std::move(evaluator.At(evaluator.nominal(), kAllCuts, {i}, sim::Replay::Steps::kCoarse)[i]);
+    });
+  }
+
+  const Evaluator& evaluator() const { return evaluator_; }
+
+  /// d simulated / d value of parameter k of the nominal robot with an effect, over `step`.
+  Column Response(const Model& model, int k, double step) const {
+    const unsigned cuts = CutsOf(evaluator_, model);
+    // Where the body moves as without the effect, that motion is known.
+    if ((cuts & kBody) == 0) return Sensitivity(evaluator_, model, k, step, evaluator_.AtNominal(), cuts);
+    return Sensitivity(evaluator_, model, k, step, coarse_, cuts, sim::Replay::Steps::kCoarse);
+  }
+
+ private:
+  const Evaluator& evaluator_;
+  Residuals coarse_;
+};
+
 /// Index of the candidate's parameter that each place has of its own, or -1.
 int PerPlaceParameter(const Candidate& candidate) {
   if (candidate.target) return -1;
@@ -103,7 +129,7 @@ Column EmptyColumn(const Evaluator& evaluator) {
   return Column(evaluator.runs().size(), std::vector<Eigen::VectorXd>(evaluator.channels().size()));
 }
 
-void Differentiate(const Evaluator& evaluator, std::vector<Probe>& probes, int threads,
+void Differentiate(const Screen& screen, std::vector<Probe>& probes, int threads,
                    const std::function<void(double)>& progress) {
   std::vector<std::pair<int, int>> tasks;  // probe, and index of its primary
   for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
@@ -114,13 +140,11 @@ void Differentiate(const Evaluator& evaluator, std::vector<Probe>& probes, int t
   ParallelFor(static_cast<int>(tasks.size()), threads, [&](int t) {
     Probe& probe = probes[tasks[t].first];
     const int k = probe.primary[tasks[t].second];
-    const unsigned cuts = evaluator.CutsOf(*probe.candidate.effect);
     try {
       probe.columns[tasks[t].second] =
-          Sensitivity(evaluator, probe.variant, k, probe.step * ScaleOf(probe.variant.parameter(k)),
-                      evaluator.AtNominal(), cuts);
+          screen.Response(probe.variant, k, probe.step * ScaleOf(probe.variant.parameter(k)));
     } catch (const std::exception&) {
-      probe.columns[tasks[t].second] = EmptyColumn(evaluator);
+      probe.columns[tasks[t].second] = EmptyColumn(screen.evaluator());
     }
     progress(++done / static_cast<double>(tasks.size()));
   });
@@ -128,22 +152,21 @@ void Differentiate(const Evaluator& evaluator, std::vector<Probe>& probes, int t
 
 /// The probe at the onset of the effect, on the way to the bound that its step points to, or to the other
 /// bound if no start lies in that direction; empty without any response.
-std::vector<Probe> FromItsOnset(const Evaluator& evaluator, const Probe& probe) {
+std::vector<Probe> FromItsOnset(const Screen& screen, const Probe& probe) {
   std::vector<Probe> at_onset;
   const int k = probe.primary[0];
   const auto& p = probe.variant.parameter(k);
-  const unsigned cuts = evaluator.CutsOf(*probe.candidate.effect);
   const auto try_towards = [&](double bound) {
     const double way = kFarStep * (bound - probe.variant.values[k]);
     const auto column = [&](double from, double step) {
       Model at = probe.variant;
       at.values[k] += from * way;
-      return Sensitivity(evaluator, at, k, step * way, evaluator.AtNominal(), cuts);
+      return screen.Response(at, k, step * way);
     };
     // A probe that cannot be simulated does have a response.
     const auto is_silent = [&](double step) {
       try {
-        return IsSilent(evaluator, column(0, step), step * way);
+        return IsSilent(screen.evaluator(), column(0, step), step * way);
       } catch (const std::exception&) {
         return false;
       }
@@ -175,7 +198,8 @@ std::vector<Probe> FromItsOnset(const Evaluator& evaluator, const Probe& probe) 
 
 /// Limits, contacts and dead zones have no response before they are reached, so they are probed from their
 /// onset.
-void ProbeFromOnset(const Evaluator& evaluator, std::vector<Probe>& probes, int threads) {
+void ProbeFromOnset(const Screen& screen, std::vector<Probe>& probes, int threads) {
+  const Evaluator& evaluator = screen.evaluator();
   std::vector<int> silent;
   for (int p = 0; p < static_cast<int>(probes.size()); ++p) {
     const Probe& probe = probes[p];
@@ -195,7 +219,7 @@ void ProbeFromOnset(const Evaluator& evaluator, std::vector<Probe>& probes, int 
   }
   std::vector<std::vector<Probe>> at_onset(silent.size());
   ParallelFor(static_cast<int>(silent.size()), threads,
-              [&](int i) { at_onset[i] = FromItsOnset(evaluator, probes[silent[i]]); });
+              [&](int i) { at_onset[i] = FromItsOnset(screen, probes[silent[i]]); });
   for (std::size_t i = 0; i < silent.size(); ++i) {
     if (at_onset[i].empty()) continue;
     probes[silent[i]] = std::move(at_onset[i].front());
@@ -261,8 +285,9 @@ std::vector<Probe> MakeProbes(const Evaluator& evaluator,
     return (evaluator.zeros_from_rest() && candidate.effect->zero) || excluded(candidate);
   });
   std::vector<Probe> probes = Starts(evaluator, candidates);
-  Differentiate(evaluator, probes, threads, progress);
-  ProbeFromOnset(evaluator, probes, threads);
+  const Screen screen(evaluator, threads);
+  Differentiate(screen, probes, threads, progress);
+  ProbeFromOnset(screen, probes, threads);
   SumPlaces(probes, evaluator.runs().size());
   return probes;
 }

@@ -30,7 +30,7 @@ Eigen::MatrixXd ReplayedShape(const RobotParameters& robot, const Run& run, cons
   }
   const sim::Replay::DrivenBy driven_by = BodyInputs({&prepared, 1});
   SubstituteMissingCells(prepared, driven_by, robot.body.tendons());
-  const Eigen::MatrixXd q = sim::Replay(robot).Body(prepared.signals, driven_by, 1).q;
+  const Eigen::MatrixXd q = sim::Replay(robot).Body(prepared.signals, driven_by).q;
   const Eigen::VectorXd at_s = SampleTimes(prepared);
 
   Eigen::MatrixXd shape = Eigen::MatrixXd::Constant(times_s.size(), q.cols(), kNoReading);

@@ -103,6 +103,8 @@ std::string Page(const Diagnosis& d, const std::string& json) {
 
 }  // namespace
 
+std::string ReportStyle() { return std::string(page::kStyle); }
+
 std::string ReportPage(const Diagnosis& diagnosis) {
   const std::string json = ReportJson(diagnosis);
   return Page(ParseReport(json), json);

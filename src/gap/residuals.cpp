@@ -63,12 +63,13 @@ double Evaluator::TrackerLate(const sim::BodyMotion& motion, const PreparedRun& 
 }
 
 Evaluator::Replayed Evaluator::ReplayRun(const RobotParameters& robot, const PreparedRun& run, unsigned cuts,
-                                         const sim::BodyMotion* known_motion) const {
+                                         const sim::BodyMotion* known_motion,
+                                         sim::Replay::Steps steps) const {
   const sim::Replay replay(robot);
   Replayed out;
   const bool simulate = (cuts & kBody) != 0 || known_motion == nullptr;
   if (simulate) {
-    out.motion = replay.Body(run.signals, driven_by_, 1);
+    out.motion = replay.Body(run.signals, driven_by_, steps);
     // Tracker effects change the shape that is read from it.
     if ((cuts & (kC2 | kC3)) || HasTrackerEffect(robot)) {
       out.motion.shortening_m = MeasuredShortening(run, robot, out.motion, TrackerLate(out.motion, run));
@@ -162,10 +163,11 @@ std::vector<Eigen::VectorXd> Evaluator::ResidualsOf(const Replayed& replayed, co
   return residuals;
 }
 
-Residuals Evaluator::At(const RobotParameters& robot, unsigned cuts, const std::vector<int>& only) const {
+Residuals Evaluator::At(const RobotParameters& robot, unsigned cuts, const std::vector<int>& only,
+                        sim::Replay::Steps steps) const {
   Residuals residuals(runs_.size());
   const auto one = [&](int i) {
-    const Replayed replayed = ReplayRun(robot, runs_[i], cuts, &nominal_motion_[i]);
+    const Replayed replayed = ReplayRun(robot, runs_[i], cuts, &nominal_motion_[i], steps);
     residuals[i] = ResidualsOf(replayed, runs_[i], cuts);
     for (std::size_t c = 0; c < channels_.size(); ++c) {
       auto& r = residuals[i][c];

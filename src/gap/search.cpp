@@ -354,9 +354,21 @@ SearchResult Searching::Result() {
   return std::move(result_);
 }
 
+SearchResult Searching::ScreenedOnly() {
+  FindNuisances();
+  ScreenAll();
+  result_.leftover = leftover_;
+  return std::move(result_);
+}
+
 SearchResult Search(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options,
                     const std::vector<Probe>& probes) {
   return Searching(evaluator, folds, options, probes).Result();
+}
+
+SearchResult ScreenOnly(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options,
+                        const std::vector<Probe>& probes) {
+  return Searching(evaluator, folds, options, probes).ScreenedOnly();
 }
 
 bool ContainsCause(const SearchResult& search, const Model& cause) {

@@ -51,6 +51,10 @@ struct SearchResult {
   Nuisances nuisances;
 };
 
+/// The screening alone: `screened`, `nuisances` and `leftover` of the result.
+SearchResult ScreenOnly(const Evaluator& evaluator, const Folds& folds, const SearchOptions& options,
+                        const std::vector<Probe>& probes);
+
 /// True where the best single fit contains all of `cause`, or the best pair where that is clearly better.
 bool ContainsCause(const SearchResult& search, const Model& cause);
 

@@ -22,6 +22,7 @@ class Searching {
             const std::vector<Probe>& probes);
 
   SearchResult Result();
+  SearchResult ScreenedOnly();
 
  private:
   /// Begin and end of a stage within the total progress.

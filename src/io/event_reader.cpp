@@ -30,7 +30,13 @@ std::uint64_t Number(std::span<const std::uint8_t> bytes, std::size_t at, std::s
 
 }  // namespace
 
-EventReader::EventReader(const std::string& path) : file_(std::fopen(path.c_str(), "rb")) {
+EventReader::EventReader(const std::string& path) {
+  std::error_code ignored;
+  const auto type = std::filesystem::status(path, ignored).type();
+  // Opening a pipe waits for whoever writes into it.
+  if (type == std::filesystem::file_type::fifo || type == std::filesystem::file_type::socket)
+    throw std::runtime_error("cannot read log " + path + ": a pipe; name a file");
+  file_.reset(std::fopen(path.c_str(), "rb"));
   if (!file_) throw std::runtime_error("cannot read log " + path + ": " + std::strerror(errno));
   std::error_code error;
   size_ = std::filesystem::file_size(path, error);

@@ -33,6 +33,10 @@ class EventReader {
   const std::vector<std::uint8_t>& data() const { return data_; }
   /// Offset of the event in the file.
   std::uint64_t offset() const { return begin_; }
+  /// When the event was recorded, in microseconds.
+  std::int64_t stamp_us() const { return stamp_us_; }
+  /// Bytes of the file.
+  std::uint64_t size() const { return size_; }
 
   /// Marks the event as damage although it is complete: its message is invalid, for the reason given ("is no
   /// ...").

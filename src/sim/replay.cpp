@@ -28,8 +28,8 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-// Longest step of the body's integrator: 0.01 mm at the tip for motions up to 10 Hz.
-constexpr double kLongestStep_s = 1.05e-3;
+// Longest step of the body's integrator: 0.01 mm at the tip for motions up to 10 Hz, and four times that.
+constexpr double kLongestStep_s = 1.05e-3, kLongestCoarseStep_s = 2 * kLongestStep_s;
 // Displacement over which the friction of pulleys builds up, at least, in what the body's integrator resolves
 // of a tendon's displacement: over less its steps would not converge, and no sensor shows the difference.
 constexpr double kLeastPresliding = 10;
@@ -46,6 +46,33 @@ RobotParameters Resolvable(RobotParameters robot) {
     if (presliding_m > 0) presliding_m = std::max(presliding_m, least_m);
   }
   return robot;
+}
+
+/// Every n-th sample.
+ReplaySignals EveryNth(const ReplaySignals& dense, Index every) {
+  ReplaySignals thin = dense;
+  thin.step_s *= static_cast<double>(every);
+  const auto keep = [every](auto& rows) {
+    if (rows.rows() > 0) rows = rows(Eigen::seq(Index{0}, rows.rows() - 1, every), Eigen::all).eval();
+  };
+  for (MatrixXd* rows :
+       {&thin.torque_target_Nm, &thin.torque_actual_Nm, &thin.motor_angle_rad, &thin.motor_velocity_radps,
+        &thin.motor_acceleration_radps2, &thin.tension_N, &thin.bending_rad}) {
+    keep(*rows);
+  }
+  keep(thin.no_cell);
+  return thin;
+}
+
+/// Rows at `samples` of a grid of which every n-th is known, linear between; held after the last.
+MatrixXd Between(const MatrixXd& known, Index every, Index samples) {
+  MatrixXd rows(samples, known.cols());
+  for (Index i = 0; i < samples; ++i) {
+    const Index k = i / every, next = std::min(k + 1, known.rows() - 1);
+    const double share = static_cast<double>(i % every) / static_cast<double>(every);
+    rows.row(i) = (1 - share) * known.row(k) + share * known.row(next);
+  }
+  return rows;
 }
 
 }  // namespace
@@ -278,13 +305,18 @@ struct Replay::Impl {
   }
 
   // ---- body ----
-  BodyMotion Body(const ReplaySignals& s, DrivenBy driven_by, int stride) const;
+  /// With no longer steps than that.
+  BodyMotion Body(const ReplaySignals& s, DrivenBy driven_by, double longest_s) const;
+  BodyMotion CoarseBody(const ReplaySignals& s, DrivenBy driven_by) const;
+  /// Integrates the body over the samples at `time`: q is 2N x S, tension M x S.
+  void Move(const ReplaySignals& s, const VectorXd& time, double longest_s, TensionSource& source,
+            MatrixXd& q, MatrixXd& tension) const;
   std::unique_ptr<TensionSource> Source(const ReplaySignals& s, DrivenBy driven_by) const;
   /// Source of one kind for all tendons.
   std::unique_ptr<TensionSource> SourceOfAll(const ReplaySignals& s, DrivenBy driven_by) const;
   MatrixXd Shortening(const ReplaySignals& s, const MatrixXd& q) const;
   /// `late`: the tracker's delay in samples.
-  void Track(const MatrixXd& q, double late, int stride, BodyMotion& motion) const;
+  void Track(const MatrixXd& q, double late, BodyMotion& motion) const;
 
   struct Cell {
     double gain, nominal_offset_N;  // reading = gain * shown - nominal offset
@@ -373,26 +405,21 @@ std::unique_ptr<TensionSource> Replay::Impl::SourceOfAll(const ReplaySignals& s,
   return PulleyTension(std::move(signals), presliding, s.no_motor, grid);
 }
 
-BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int stride) const {
-  if (stride < 1) throw std::invalid_argument(fmt::format("replay: stride {}: accepted >= 1", stride));
-  const double step = Step(s);
-  const std::unique_ptr<TensionSource> source = Source(s, driven_by);
-  const Index samples = driven_by == DrivenBy::kCell ? s.tension_N.rows() : s.motor_angle_rad.rows();
-  const int parts = std::max(1, static_cast<int>(std::ceil(step / kLongestStep_s)));
-
+void Replay::Impl::Move(const ReplaySignals& s, const VectorXd& time, double longest_s, TensionSource& source,
+                        MatrixXd& q, MatrixXd& tension) const {
   constexpr double kNear = 1.0 / 16;  // of a tension's range
+  const int parts = std::max(1, static_cast<int>(std::ceil(s.step_s / longest_s)));
   BodyStepper stepper(body, laws.body, kNear * robot.limits.max_tension_base_N);
-  MatrixXd q(n, samples), tension(m, samples);
-  const VectorXd time = TimesOf(s, samples);
-  if (!(!s.at_rest && BeginsInMotion(s, robot) ? stepper.LetGo(*source, 0) : stepper.Settle(*source, 0))) {
+  const bool lets_go = !s.at_rest && BeginsInMotion(s, robot);
+  if (!(lets_go ? stepper.LetGo(source, 0) : stepper.Settle(source, 0))) {
     throw std::runtime_error("replay: the body has no equilibrium under the first sample's tensions");
   }
   for (Index i = 0;; ++i) {
     q.col(i) = stepper.q();
     tension.col(i) = stepper.tension_N();
-    if (i + 1 == samples) break;
+    if (i + 1 == time.size()) break;
     if (s.at_rest) {
-      if (!stepper.Settle(*source, time[i + 1])) {
+      if (!stepper.Settle(source, time[i + 1])) {
         throw std::runtime_error(
             fmt::format("replay: the body has no equilibrium at {:.4f} s; its tensions are {} N", time[i + 1],
                         fmt::join(stepper.tension_N(), ", ")));
@@ -400,20 +427,40 @@ BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, int st
       continue;
     }
     for (int part = 1; part <= parts; ++part) {
-      const double to = (static_cast<double>(i) + static_cast<double>(part) / parts) * step;
-      if (!stepper.StepTo(*source, to)) {
+      const double to = (static_cast<double>(i) + static_cast<double>(part) / parts) * s.step_s;
+      if (!stepper.StepTo(source, to)) {
         throw std::runtime_error(fmt::format(
             "replay: the body has neither motion nor equilibrium at {:.4f} s; its tensions are {} N", to,
             fmt::join(stepper.tension_N(), ", ")));
       }
     }
   }
+}
+
+BodyMotion Replay::Impl::Body(const ReplaySignals& s, DrivenBy driven_by, double longest_s) const {
+  const double step = Step(s);
+  const std::unique_ptr<TensionSource> source = Source(s, driven_by);
+  const Index samples = driven_by == DrivenBy::kCell ? s.tension_N.rows() : s.motor_angle_rad.rows();
+  MatrixXd q(n, samples), tension(m, samples);
+  Move(s, TimesOf(s, samples), longest_s, *source, q, tension);
 
   BodyMotion motion;
   motion.tension_base_N = tension.transpose();
   motion.shortening_m = Shortening(s, q);
   const bool delayed = actuation.tracker && !s.at_rest;  // at rest, delay has no effect
-  Track(q, delayed ? actuation.tracker->delay_s / step : 0, stride, motion);
+  Track(q, delayed ? actuation.tracker->delay_s / step : 0, motion);
+  return motion;
+}
+
+BodyMotion Replay::Impl::CoarseBody(const ReplaySignals& s, DrivenBy driven_by) const {
+  const Index every = s.at_rest ? 1 : static_cast<Index>(kLongestCoarseStep_s / Step(s));
+  if (every < 2) return Body(s, driven_by, kLongestCoarseStep_s);
+  BodyMotion motion = Body(EveryNth(s, every), driven_by, kLongestCoarseStep_s);
+  const Index samples = driven_by == DrivenBy::kCell ? s.tension_N.rows() : s.motor_angle_rad.rows();
+  for (MatrixXd* rows : {&motion.q, &motion.tip_m, &motion.tip_rotation, &motion.bending_rad,
+                         &motion.shortening_m, &motion.tension_base_N}) {
+    *rows = Between(*rows, every, samples);
+  }
   return motion;
 }
 
@@ -454,28 +501,27 @@ MatrixXd Replay::Impl::Shortening(const ReplaySignals& s, const MatrixXd& q) con
   return shortening;
 }
 
-void Replay::Impl::Track(const MatrixXd& q, double late, int stride, BodyMotion& motion) const {
-  const Index rows = (q.cols() - 1) / stride + 1;
+void Replay::Impl::Track(const MatrixXd& q, double late, BodyMotion& motion) const {
+  const Index rows = q.cols();
   motion.q.resize(rows, n);
   motion.tip_m.resize(rows, 3);
   motion.tip_rotation.resize(rows, 3);
   motion.bending_rad.resize(rows, 2 * body.sections());
   VectorXd shape(n);
-  for (Index k = 0; k < rows; ++k) {
-    const Index i = k * stride;
-    motion.q.row(k) = q.col(i).transpose();
+  for (Index i = 0; i < rows; ++i) {
+    motion.q.row(i) = q.col(i).transpose();
     const double at = std::max(0.0, static_cast<double>(i) - late);
     const auto before = static_cast<Index>(at);
     shape = q.col(before);
     if (before < i) shape += (at - static_cast<double>(before)) * (q.col(before + 1) - q.col(before));
     const model::Pose pose = sensor.Tracked(body.TipPose(shape));
-    motion.tip_m.row(k) = pose.p_WA.transpose();
+    motion.tip_m.row(i) = pose.p_WA.transpose();
     const Eigen::AngleAxisd rotation(pose.R_WA);
-    motion.tip_rotation.row(k) = (rotation.angle() * rotation.axis()).transpose();
+    motion.tip_rotation.row(i) = (rotation.angle() * rotation.axis()).transpose();
     for (int section = 0; section < body.sections(); ++section) {
       Eigen::Vector2d bend(0, 0);
       for (int u = body.first_unit(section); u < body.end_unit(section); ++u) bend += shape.segment<2>(2 * u);
-      motion.bending_rad.row(k).segment<2>(2 * section) = sensor.Tracked(bend).transpose();
+      motion.bending_rad.row(i).segment<2>(2 * section) = sensor.Tracked(bend).transpose();
     }
   }
 }
@@ -497,8 +543,9 @@ VectorXd Replay::ZeroAtRest(const ReplaySignals& signals, const MatrixXd& shorte
                             const VectorXd& reading_N) const {
   return impl_->ZeroAtRest(signals, shortening_m, samples, reading_N);
 }
-BodyMotion Replay::Body(const ReplaySignals& signals, DrivenBy driven_by, int stride) const {
-  return impl_->Body(signals, driven_by, stride);
+BodyMotion Replay::Body(const ReplaySignals& signals, DrivenBy driven_by, Steps steps) const {
+  return steps == Steps::kFine ? impl_->Body(signals, driven_by, kLongestStep_s)
+                               : impl_->CoarseBody(signals, driven_by);
 }
 
 }  // namespace tendril::sim

@@ -60,7 +60,7 @@ void C3(benchmark::State& state) {
 void Body(benchmark::State& state, Signals signals, Replay::DrivenBy by) {
   const Replay replay(test::Rig());
   const auto& r = Rounds(signals == kFast);
-  PerMinute(state, [&] { benchmark::DoNotOptimize(replay.Body(r.signals, by, 2)); });
+  PerMinute(state, [&] { benchmark::DoNotOptimize(replay.Body(r.signals, by)); });
 }
 
 /// The rig's robot as a chain of more units of the same length, as stiff and as heavy together, pulled by the
@@ -77,7 +77,7 @@ void BodyOfUnits(benchmark::State& state) {
   section.bending_damping_Nms *= finer;
   const Replay replay(robot);
   const auto& r = Rounds(false);
-  PerMinute(state, [&] { benchmark::DoNotOptimize(replay.Body(r.signals, Replay::DrivenBy::kCell, 2)); });
+  PerMinute(state, [&] { benchmark::DoNotOptimize(replay.Body(r.signals, Replay::DrivenBy::kCell)); });
   state.SetComplexityN(state.range(0));
 }
 

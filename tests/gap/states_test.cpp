@@ -72,7 +72,7 @@ DataSet States(const RobotParameters& plant, const Eigen::Isometry3d& frame, int
       s.at_rest = true;
       s.load_cell = LoadCellPlace::kNone;
       s.motor_angle_rad = run.motor_position_rad;
-      run.tip_m = replay.Body(s, sim::Replay::DrivenBy::kMotor, 1).tip_m;
+      run.tip_m = replay.Body(s, sim::Replay::DrivenBy::kMotor).tip_m;
       for (Eigen::Index i = 0; i < states; ++i) {
         const Eigen::Vector3d seen = frame * Eigen::Vector3d(run.tip_m.row(i).transpose());
         for (int axis = 0; axis < 3; ++axis) run.tip_m(i, axis) = seen[axis] + noise(random);
@@ -105,7 +105,7 @@ TEST(States, AreWhereMotionComesToRest) {
   states.at_rest = true;
   states.load_cell = LoadCellPlace::kNone;
   states.motor_angle_rad = angles_rad;
-  const Eigen::MatrixXd tip = sim::Replay(robot).Body(states, sim::Replay::DrivenBy::kMotor, 1).tip_m;
+  const Eigen::MatrixXd tip = sim::Replay(robot).Body(states, sim::Replay::DrivenBy::kMotor).tip_m;
 
   // The same in time: a second from state to state, and two of holding.
   constexpr double kStep_s = 0.005;
@@ -123,7 +123,7 @@ TEST(States, AreWhereMotionComesToRest) {
     motion.motor_angle_rad.row(i) = from + part * (to - from);
     if (part < 1) motion.motor_velocity_radps.row(i) = (to - from) / (kGo * kStep_s);
   }
-  const Eigen::MatrixXd moved = sim::Replay(robot).Body(motion, sim::Replay::DrivenBy::kMotor, 1).tip_m;
+  const Eigen::MatrixXd moved = sim::Replay(robot).Body(motion, sim::Replay::DrivenBy::kMotor).tip_m;
   for (int k = 0; k < angles_rad.rows(); ++k) {
     const double apart = (moved.row((k + 1) * (kGo + kHold) - 1) - tip.row(k)).norm();
     EXPECT_LT(apart, 2e-4) << "state " << k;  // of 40 mm; pulleys' friction holds what is left of a swing

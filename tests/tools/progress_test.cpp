@@ -60,10 +60,27 @@ TEST(Progress, RedrawsOneLineOnATerminalAndEndsEachStage) {
     progress("refits", 0.5);
   }
   const std::string text = shown.Text();
-  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 2) << "one a stage";
+  EXPECT_EQ(std::count(text.begin(), text.end(), '\n'), 3) << "one a stage, and the time by stage";
   EXPECT_THAT(text, testing::ContainsRegex("\r  screening +50 %  +10 s, 10 s to go"));
   EXPECT_THAT(text, testing::ContainsRegex("screening +100 %[^\r]*\n"));
   EXPECT_EQ(text.back(), '\n');
+}
+
+TEST(Progress, WritesTheTimeByStageAtTheEnd) {
+  Shown shown;
+  {
+    Progress progress(shown.file, false, shown.Clock());
+    const auto work = [&](const char* stage, double seconds) {
+      progress(stage, 0);
+      shown.now_s += seconds;
+      progress(stage, 1);
+    };
+    work("reading", 0.02);
+    work("screening", 7);
+    work("refits", 2);
+    work("screening", 1.5);
+  }
+  EXPECT_THAT(shown.Text(), testing::EndsWith("  10.5 s: screening 8.5 s, refits 2.0 s\n"));
 }
 
 TEST(Progress, WritesALineNowAndThenElsewhere) {

@@ -78,9 +78,9 @@ TEST_F(ServiceCommandTest, WrongUseIsOneLineThatTellsWhereToReadOn) {
 
 TEST_F(ServiceCommandTest, CommandsAreListedAndSuggestedAtEveryLevel) {
   ExpectWrongUse("", "tendril: a command is needed; commands: capstan, commission, ");
-  ExpectWrongUse("gap", "tendril: a command is needed; commands: apply, calibrate, diagnose, ");
+  ExpectWrongUse("gap", "tendril: a command is needed; commands: accept, apply, calibrate, diagnose, ");
   ExpectWrongUse("demoo", "(did you mean demo?)");
-  ExpectWrongUse("gap diagnoze", "(did you mean diagnose?); commands: apply, calibrate, diagnose, ");
+  ExpectWrongUse("gap diagnoze", "(did you mean diagnose?); commands: accept, apply, calibrate, diagnose, ");
   ExpectWrongUse("config chek", "(did you mean check?)");
   ExpectWrongUse("model simul", "(did you mean simulate?)");
   ExpectWrongUse("xyzzy", "'xyzzy' is not known here; commands: capstan, ");

@@ -36,7 +36,7 @@ void Progress::operator()(const std::string& stage, double share) {
   const std::lock_guard lock(mutex_);
   const double now_s = clock_();
   if (stage != stage_) {
-    if (drawn_) Show(now_s, true);
+    EndStage(now_s);
     stage_ = stage;
     share_ = 0;
     stage_start_s_ = now_s;
@@ -48,8 +48,40 @@ void Progress::operator()(const std::string& stage, double share) {
 
 void Progress::Finish() {
   const std::lock_guard lock(mutex_);
-  if (drawn_) Show(clock_(), true);
+  const double now_s = clock_();
+  EndStage(now_s);
+  const double took_s = now_s - start_s_;
+  if (took_s >= kQuiet_s && took_s_.size() > 1) {
+    std::fputs(TimeByStage(took_s).c_str(), out_);
+    std::fflush(out_);
+  }
+  took_s_.clear();
+}
+
+void Progress::EndStage(double now_s) {
+  if (drawn_) Show(now_s, true);
+  if (stage_.empty()) return;
+  // A stage that work returns to counts once.
+  const auto same =
+      std::find_if(took_s_.begin(), took_s_.end(), [&](const auto& s) { return s.first == stage_; });
+  if (same == took_s_.end()) {
+    took_s_.emplace_back(stage_, now_s - stage_start_s_);
+  } else {
+    same->second += now_s - stage_start_s_;
+  }
   stage_.clear();
+}
+
+std::string Progress::TimeByStage(double took_s) const {
+  constexpr double kShort = 0.01;  // of the whole: not listed
+  std::string line = fmt::format("  {:.1f} s:", took_s);
+  const char* separator = " ";
+  for (const auto& [stage, seconds] : took_s_) {
+    if (seconds < kShort * took_s) continue;
+    line += fmt::format("{}{} {:.1f} s", separator, stage, seconds);
+    separator = ", ";
+  }
+  return line + "\n";
 }
 
 void Progress::Show(double now_s, bool last) {

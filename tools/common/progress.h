@@ -7,6 +7,8 @@
 #include <functional>
 #include <mutex>
 #include <string>
+#include <utility>
+#include <vector>
 
 namespace tendril::tools {
 
@@ -24,11 +26,13 @@ class Progress {
 
   /// The stage and its completed share, 0 to 1; a decreasing share is not shown.
   void operator()(const std::string& stage, double share);
-  /// Ends the line; called by the destructor as well.
+  /// Ends the line and writes the time by stage, if there were several; called by the destructor as well.
   void Finish();
 
  private:
   void Show(double now_s, bool last);
+  void EndStage(double now_s);
+  std::string TimeByStage(double took_s) const;
 
   std::FILE* out_;
   bool terminal_;
@@ -37,7 +41,8 @@ class Progress {
   std::string stage_;
   double share_ = 0;
   double start_s_ = 0, stage_start_s_ = 0, shown_s_ = 0;
-  bool drawn_ = false;  // this stage is on the terminal's line
+  bool drawn_ = false;                                  // this stage is on the terminal's line
+  std::vector<std::pair<std::string, double>> took_s_;  // the stages that ended, in order
 };
 
 }  // namespace tendril::tools

@@ -22,6 +22,16 @@ inline CLI::App& GapCommand(CLI::App& app) {
   return *gap;
 }
 
+/// `tendril log`, as GapCommand.
+inline CLI::App& LogCommand(CLI::App& app) {
+  const auto there = app.get_subcommands([](const CLI::App* sub) { return sub->get_name() == "log"; });
+  if (!there.empty()) return *there.front();
+  CLI::App* log =
+      app.add_subcommand("log", "Logs for other programs, what they hold, a part of one, a live bridge");
+  log->require_subcommand(1);
+  return *log;
+}
+
 void AddCapstanCommand(CLI::App& app);
 void AddCommissionCommand(CLI::App& app);
 void AddCompareCommand(CLI::App& app);
@@ -30,15 +40,22 @@ void AddDemoCommand(CLI::App& app);
 void AddExciteCommand(CLI::App& app);
 void AddFaultCommand(CLI::App& app);
 void AddFollowCommand(CLI::App& app);
+void AddGapAcceptCommand(CLI::App& app);
 void AddGapApplyCommand(CLI::App& app);
 void AddGapCalibrateCommand(CLI::App& app);
 void AddGapDiagnoseCommand(CLI::App& app);
 void AddGapExplainCommand(CLI::App& app);
+void AddGapHistoryCommand(CLI::App& app);
 void AddGapImportCommand(CLI::App& app);
 void AddGapReportCommand(CLI::App& app);
 void AddGapSimulateCommand(CLI::App& app);
+void AddGapWatchCommand(CLI::App& app);
 void AddHomeCommand(CLI::App& app);
 void AddInitCommand(CLI::App& app);
+void AddLogCutCommand(CLI::App& app);
+void AddLogExportCommand(CLI::App& app);
+void AddLogInfoCommand(CLI::App& app);
+void AddLogServeCommand(CLI::App& app);
 void AddModelCommand(CLI::App& app);
 void AddReplayCommand(CLI::App& app);
 void AddReproduceCommand(CLI::App& app);

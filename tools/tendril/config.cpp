@@ -1,5 +1,6 @@
 // `tendril config check`: validates a robot or daemon file and prints it resolved; for a daemon, the bus
-// budget too. `tendril config schema`: what editors need. Knows nothing of the keys.
+// budget too. `tendril config schema`: what editors need; `tendril config dbc`: what bus monitors need. Knows
+// nothing of the keys.
 #include "tendril/config/config.h"
 
 #include <fmt/core.h>
@@ -11,6 +12,8 @@
 #include "tendril/config/schema.h"
 #include "tendril/config/whole_file.h"
 #include "tendril/daemon/file_check.h"
+#include "tendril/daemon/wiring.h"
+#include "tendril/exchange/dbc.h"
 #include "tendril/first_robot/drawing.h"
 #include "tendril/model/bending_model.h"
 #include "tendril/sim/effects.h"
@@ -46,6 +49,23 @@ void Check(const std::string& path, const std::string& drawing) {
     fmt::print(stderr, "warning: {}\n", line);
 }
 
+void PrintDbc(const std::string& path) {
+  const DaemonParameters daemon = config::LoadDaemon(path);
+  const RobotParameters robot = sim::LoadRobot(daemon.robot_file);
+  fmt::print("{}", exchange::Dbc(robot, daemon.bus, daemon::DriveSetups(robot, daemon.bus)));
+}
+
+void AddDbcCommand(CLI::App& group) {
+  CLI::App* dbc = group.add_subcommand(
+      "dbc",
+      "CAN database (DBC) of a daemon's bus for monitors and other programs: PDOs, emergencies, SYNC, "
+      "heartbeats, "
+      "NMT and SDO of every node, with torques in Nm, angles in rad and load cells in N");
+  auto file = std::make_shared<std::string>();
+  dbc->add_option("FILE", *file, "daemon file (config/tendrild.yaml)")->required();
+  dbc->callback([file] { PrintDbc(*file); });
+}
+
 }  // namespace
 
 void AddConfigCommand(CLI::App& app) {
@@ -68,6 +88,7 @@ void AddConfigCommand(CLI::App& app) {
       ->check(DrawingNamed);
   check->callback([file, drawing] { Check(*file, *drawing); });
 
+  AddDbcCommand(*group);
   CLI::App* schema = group->add_subcommand(
       "schema", "JSON Schema of the robot or daemon file, for completion and checks in editors");
   auto kind = std::make_shared<std::string>();

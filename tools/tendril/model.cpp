@@ -72,7 +72,7 @@ void RequireOpenDisks(const io::CsvReader& rows, const model::Body& body, const 
 
 void AddModelCommand(CLI::App& app) {
   CLI::App* model = app.add_subcommand(
-      "model", "Evaluate the model row by row: CSV with a header on stdin, CSV on stdout, SI units");
+      "model", "Evaluate the model row by row: CSV with a header on stdin, CSV on stdout, SI units; or export it");
   model->require_subcommand(1);
   AddModelDynamicsCommands(*model);
   AddModelStaticsCommands(*model);
@@ -80,6 +80,7 @@ void AddModelCommand(CLI::App& app) {
   AddModelReachCommand(*model);
   AddModelInverseCommands(*model);
   AddModelSimulateCommand(*model);
+  AddModelExportCommand(*model);
 }
 
 }  // namespace tendril::tools

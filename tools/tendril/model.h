@@ -74,12 +74,13 @@ void RequirePulling(const io::CsvReader& rows, const Eigen::VectorXd& tension_N)
 void RequireOpenDisks(const io::CsvReader& rows, const model::Body& body, const Eigen::VectorXd& q);
 
 // Each adds its evaluations: accel, mass, energy; statics, frequencies; fk; ik; inverse, inverse-tip;
-// simulate. Help lists them in the order in which they are added.
+// simulate; export. Help lists them in the order in which they are added.
 void AddModelDynamicsCommands(CLI::App& model);
 void AddModelStaticsCommands(CLI::App& model);
 void AddModelForwardCommand(CLI::App& model);
 void AddModelReachCommand(CLI::App& model);
 void AddModelInverseCommands(CLI::App& model);
 void AddModelSimulateCommand(CLI::App& model);
+void AddModelExportCommand(CLI::App& model);
 
 }  // namespace tendril::tools

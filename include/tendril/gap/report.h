@@ -33,6 +33,8 @@ std::vector<ReportField> ReportFields();
 
 /// One self-contained HTML page that needs no network.
 std::string ReportPage(const Diagnosis& diagnosis);
+/// The style sheet of its page, for other pages.
+std::string ReportStyle();
 
 /// Writes report.json and report.html into the folder, creating it. Throws std::runtime_error when they
 /// cannot be written.

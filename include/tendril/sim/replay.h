@@ -47,12 +47,12 @@ struct ReplaySignals {
   int commands_a_sample = 1;
 };
 
-/// Motion of the body, every `stride` grid samples: R = (S - 1) / stride + 1 rows.
+/// Motion of the body at every sample.
 struct BodyMotion {
-  Eigen::MatrixXd q;               // R x 2N
-  Eigen::MatrixXd tip_m;           // R x 3, as the tracker would report it (its own effects included)
-  Eigen::MatrixXd tip_rotation;    // R x 3 rotation vector of the tip frame in F_0, as reported
-  Eigen::MatrixXd bending_rad;     // R x 2K: (us, vs) of every section, as reported
+  Eigen::MatrixXd q;               // S x 2N
+  Eigen::MatrixXd tip_m;           // S x 3, as the tracker would report it (its own effects included)
+  Eigen::MatrixXd tip_rotation;    // S x 3 rotation vector of the tip frame in F_0, as reported
+  Eigen::MatrixXd bending_rad;     // S x 2K: (us, vs) of every section, as reported
   Eigen::MatrixXd shortening_m;    // S x M: d of every tendon on the grid, corrected to the measured bending:
                                    // the difference is spread evenly over a section's units
   Eigen::MatrixXd tension_base_N;  // S x M, the tensions that drove it
@@ -94,11 +94,16 @@ class Replay {
     kTorque,  // tensions that C2 derives from torque and motor motion
     kMotor,   // motor angles through the tendons' stiffness
   };
+  /// How finely the body's motion is integrated.
+  enum class Steps {
+    kFine,    // to 0.01 mm at the tip for motions up to 10 Hz
+    kCoarse,  // in twice as long steps: for the difference of two replays, where most of the error cancels
+  };
   /// Motion of the body in time; throws std::runtime_error when it cannot be integrated. Where pulleys lie
   /// between the known tension and the base, they slide by (s + d) / 2 with s measured and d from this
   /// motion, not from the measured bending, whose noise would act as friction. For samples at rest: the
   /// equilibria, each reached from the one before.
-  BodyMotion Body(const ReplaySignals& signals, DrivenBy driven_by, int stride) const;
+  BodyMotion Body(const ReplaySignals& signals, DrivenBy driven_by, Steps steps = Steps::kFine) const;
 
  private:
   struct Impl;

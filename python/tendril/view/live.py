@@ -37,19 +37,22 @@ def require_route(url: str) -> None:
             ) from None
 
 
+def open_lcm(url: str) -> Any:
+    """A connection; ViewError with the remedy where there is none."""
+    lcm = lcm_module()
+    require_route(url)
+    try:
+        return lcm.LCM(url)
+    except (RuntimeError, ValueError, OSError):
+        raise ViewError(f"LCM address '{url}' cannot be opened; accepted: {URL_RULE}; correct it") from None
+
+
 class Live:
     """The last minute of a daemon. `recording` is None until its robot is known, and another one when the robot is."""
 
     def __init__(self, url: str, prefix: str):
-        lcm = lcm_module()
-        require_route(url)
         self.url, self.prefix = url, prefix
-        try:
-            self.lcm = lcm.LCM(url)
-        except (RuntimeError, ValueError, OSError):
-            raise ViewError(
-                f"LCM address '{url}' cannot be opened; accepted: {URL_RULE}; correct it"
-            ) from None
+        self.lcm = open_lcm(url)
         self.recording: Recording | None = None
         self.problem = ""  # with what comes, a line
         self._heard_s: float | None = None

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import pathlib
-import struct
-from collections.abc import Iterator
-from typing import Any, BinaryIO
+from typing import Any
 
 import numpy as np
 
 from .. import _core
 from .._arrays import Array
+from ..errors import Error
 from ..messages import cycle_t, run_t, state_t, tracker_t
 from . import robots
 from .frames import DrawnRobot, Recording, ViewError, unknown
@@ -21,8 +19,7 @@ from .readings import between
 
 FRAMES_PER_S = 60  # kept of a recording: enough at half speed
 LCM_SYNC = b"\xed\xa1\xda\x01"
-EVENT = struct.Struct(">4sqqii")  # sync, number, time [us], lengths of channel and data
-LONGEST_CHANNEL = 63  # LCM_MAX_CHANNEL_NAME_LENGTH
+AT_ONCE = 4096  # events
 
 
 @dataclasses.dataclass
@@ -34,72 +31,36 @@ class Events:
     trackers: list[tuple[bytes, int]]  # and when they were recorded [us]
     run: bytes | None
     other: int  # events of other channels
-    damaged: int = 0  # bytes that are no event
-
-
-def _next_sync(file: BinaryIO, at: int) -> int:
-    """Where the next event may begin, from `at` on; the file's end where none does."""
-    file.seek(at)
-    while block := file.read(2**20):
-        if (found := block.find(LCM_SYNC)) >= 0:
-            return at + found
-        if len(block) < len(LCM_SYNC):
-            break
-        at += len(block) - len(LCM_SYNC) + 1
-        file.seek(at)
-    return file.seek(0, os.SEEK_END)
-
-
-def events_of(file: BinaryIO) -> Iterator[tuple[str, bytes, int] | int]:
-    """Channel, data and time [us] of each event of an LCM log; between them the number of bytes that are none. lcm's own
-    EventLog believes whatever length a damaged log claims, and crashes."""
-    size = os.fstat(file.fileno()).st_size
-    at = 0
-    while at < size:
-        file.seek(at)
-        head = file.read(EVENT.size)
-        sync, _, utime, name_size, data_size = EVENT.unpack(head.ljust(EVENT.size, b"\0"))
-        end = at + EVENT.size + name_size + data_size
-        if sync == LCM_SYNC and 0 < name_size <= LONGEST_CHANNEL and 0 <= data_size and end <= size:
-            yield file.read(name_size).decode(errors="replace"), file.read(data_size), utime
-            at = end
-        else:
-            following = _next_sync(file, at + 1)
-            yield following - at
-            at = following
+    damage: str = ""  # a line
 
 
 def read_events(path: pathlib.Path) -> Events:
     """Of one daemon: another one's on the same address have a prefix of their own and are left out."""
     by_prefix: dict[str, Events] = {}
-    damaged = 0
     try:
-        with path.open("rb") as file:
-            for event in events_of(file):
-                if isinstance(event, int):
-                    damaged += event
-                    continue
-                channel, data, utime = event
-                prefix, _, ending = channel.rpartition("_")
-                events = by_prefix.setdefault(prefix, Events([], [], [], None, 0))
-                lists = {"STATE": events.states, "CYCLE": events.cycles}
-                if ending in lists:
-                    lists[ending].append(data)
-                elif ending == "TRACKER":
-                    events.trackers.append((data, utime))
-                elif ending == "RUN":
-                    events.run = data
-                else:
-                    events.other += 1
-    except OSError as e:
-        raise ViewError(f"{path}: cannot be read as an LCM log ({e.strerror})") from None
+        log = _core.LogMessages(str(path))
+    except Error as e:
+        raise ViewError(f"{path}: {e}") from None
+    while messages := log.next(AT_ONCE):
+        for channel, _, utime, data in messages:
+            prefix, _, ending = channel.rpartition("_")
+            events = by_prefix.setdefault(prefix, Events([], [], [], None, 0))
+            lists = {"STATE": events.states, "CYCLE": events.cycles}
+            if ending in lists:
+                lists[ending].append(data)
+            elif ending == "TRACKER":
+                events.trackers.append((data, utime))
+            elif ending == "RUN":
+                events.run = data
+            else:
+                events.other += 1
     of_daemons = [events for events in by_prefix.values() if events.states or events.cycles]
     # Of several the first one that says which robot it is.
     of_daemons.sort(key=lambda events: events.run is None)
     found = of_daemons[0] if of_daemons else Events([], [], [], None, 0)
     if not of_daemons:
         found.other = sum(e.other + (e.run is not None) for e in by_prefix.values())
-    found.damaged = damaged
+    found.damage = log.damage()
     return found
 
 
@@ -191,8 +152,8 @@ def read_log(path: pathlib.Path, given: _core.Robot | None = None) -> Recording:
         measured = np.array([finite(message.tip_estimate_W_m, 3) for message in kept])
     frames = [frame_of(robot, m, float(t), tip) for m, t, tip in zip(kept, times_s, measured)]
     remarks = []
-    if events.damaged:
-        remarks.append(f"{events.damaged} bytes of the log are damaged and left out")
+    if events.damage:
+        remarks.append(f"the log is damaged: {events.damage}")
     if backwards:
         remarks.append(f"{backwards} messages whose time does not increase left out")
     hidden = sum(not np.isfinite(frame.poses[0].q_rad).all() for frame in frames)

@@ -1,0 +1,1 @@
+"""`tendril log export`: LCM logs as MCAP, CSV and Parquet."""

@@ -1,0 +1,1 @@
+"""`tendril log serve`: what a running daemon publishes, live for Foxglove."""

@@ -1,0 +1,5 @@
+"""Fake."""
+
+
+class MutuallyExclusiveCallbackGroup:
+    pass

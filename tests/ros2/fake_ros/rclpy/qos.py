@@ -1,0 +1,6 @@
+"""Fake."""
+
+
+class QoSProfile:
+    def __init__(self, *, depth: int) -> None:
+        self.depth = depth
