@@ -154,7 +154,7 @@ RobotParameters ParseRobot(const std::string& yaml, const std::string& name_for_
 RobotParameters LoadRobot(const std::string& path, KnownStrains known) {
   RobotParameters robot = ParseRobot(ReadFile(path), path);
   if (known == KnownStrains::kBending)
-    RequireBendingOnly(robot.body, path, "this command (unlike tendril model)");
+    RequireBendingOnly(robot.body, path, "this command (unlike tendril model statics)");
   return robot;
 }
 
