@@ -1,0 +1,96 @@
+#!/usr/bin/env python3
+"""`tendril model statics` and `frequencies` against a Cosserat rod: the solutions in golden/rod_*.csv, which
+reference/make_rod_goldens.py makes from the textbook's equations with nothing of the program."""
+import importlib.machinery
+import importlib.util
+import pathlib
+import sys
+import tempfile
+import unittest
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent.parent
+TENDRIL = pathlib.Path(sys.argv.pop(1))
+GOAL_MM, GOAL_SHARE = 0.1, 0.01
+
+sys.dont_write_bytecode = True
+try:
+    import yaml  # noqa: F401  what rod_accuracy needs
+except ImportError:
+    print("skipped: PyYAML is missing (Debian: python3-yaml)")
+    sys.exit(77)
+loader = importlib.machinery.SourceFileLoader("rod_accuracy", str(ROOT / "tools/rod_accuracy"))
+rods = importlib.util.module_from_spec(importlib.util.spec_from_loader("rod_accuracy", loader))
+loader.exec_module(rods)
+
+
+class Rod(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = tempfile.TemporaryDirectory()
+        cls.addClassCleanup(cls.folder.cleanup)
+
+    def finer(self, which, units):
+        """The robot with so many units a disk spacing, as a file."""
+        return rods.variant(rods.ROBOTS[which][1], rods.ALL, units, pathlib.Path(self.folder.name))
+
+    # Not reached; docs/results/cosserat-rod.md says why. Passing, it fails the suite, and the mark goes.
+    @unittest.expectedFailure
+    def test_every_disk_is_within_the_goal_at_two_units_a_spacing(self):
+        self.check_disks(2)
+
+    def test_every_disk_is_within_the_goal_at_six_units_a_spacing(self):
+        self.check_disks(6)
+
+    def check_disks(self, units):
+        for which, (title, _) in rods.ROBOTS.items():
+            rod = rods.golden(f"rod_{which}.csv")
+            for found, wanted in zip(rods.statics(TENDRIL, self.finer(which, units), rod), rod, strict=True):
+                with self.subTest(robot=title, load=rods.short(wanted)):
+                    self.assertLess(rods.worst_mm(found, wanted), GOAL_MM)
+
+    @unittest.expectedFailure
+    def test_first_five_frequencies_are_within_the_goal_at_two_units_a_spacing(self):
+        self.check_frequencies(2)
+
+    def test_first_five_frequencies_are_within_the_goal_at_four_units_a_spacing(self):
+        self.check_frequencies(4)
+
+    def check_frequencies(self, units):
+        for which, (title, _) in rods.ROBOTS.items():
+            rod = rods.golden(f"rod_{which}_frequencies.csv")
+            for found, wanted in zip(rods.frequencies(TENDRIL, self.finer(which, units), rod), rod, strict=True):
+                with self.subTest(robot=title, tensions=rods.text_of(wanted, rods.tensions([wanted]))):
+                    self.assertLess(rods.worst_share(found, wanted), GOAL_SHARE)
+
+    def test_twice_the_units_leave_a_quarter_of_the_error(self):
+        """Of the worst case; the first order would leave a half."""
+        for which, (title, _) in rods.ROBOTS.items():
+            rod = rods.golden(f"rod_{which}.csv")
+            worst = []
+            for units in (4, 8):
+                found = rods.statics(TENDRIL, self.finer(which, units), rod)
+                worst.append(max(map(rods.worst_mm, found, rod)))
+            with self.subTest(robot=title):
+                self.assertAlmostEqual(worst[0] / worst[1], 4, delta=0.4)
+
+    def test_a_chain_in_mujoco_converges_to_the_same_rod(self):
+        """The yardstick against a solution of another kind, stored as well (tests/blind/mujoco_rod.py)."""
+        for which, (title, _) in rods.ROBOTS.items():
+            rod, chain = rods.golden(f"rod_{which}.csv"), rods.by_pieces(f"rod_{which}_chain.csv")
+            worst = {n: max(map(rods.worst_mm, chain[n], rod)) for n in rods.PIECES}
+            with self.subTest(robot=title):
+                self.assertAlmostEqual(worst["4"] / worst["8"], 4, delta=0.2)
+                fine = map(rods.extrapolated, chain["4"], chain["8"])
+                self.assertLess(max(map(rods.worst_mm, fine, rod)), 0.02)
+
+    def test_units_that_bend_alone_converge_to_a_rod_that_only_bends(self):
+        rod = rods.golden("rod_one_bends.csv")
+        worst = []
+        for units in (4, 8):
+            robot = rods.variant(rods.ROBOTS["one"][1], rods.BENDS, units, pathlib.Path(self.folder.name))
+            worst.append(max(map(rods.worst_mm, rods.statics(TENDRIL, robot, rod), rod)))
+        self.assertAlmostEqual(worst[0] / worst[1], 4, delta=0.4)
+
+
+if __name__ == "__main__":
+    unittest.main()
