@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import dataclasses
 import io
 import json
 import os
@@ -15,7 +16,7 @@ import pytest
 import tendril
 from conftest import ROBOTS
 from tendril.watch import __main__ as program
-from tendril.watch import alarm
+from tendril.watch import alarm, text
 from tendril.watch.store import Key, Store
 
 ROBOT = ROBOTS / "rig_60mm.yaml"
@@ -152,6 +153,33 @@ def test_each_enters_what_is_new_in_order_and_leaves_out_what_cannot_be_read(day
     assert run(*words) == (0, "robot 'rig_60mm': nothing new\n", "")
 
 
+def test_an_alarm_is_told_until_the_robot_is_accepted_and_then_not_entered_again(alarmed, days, tmp_path):
+    db, inbox = tmp_path / "watch.db", tmp_path / "inbox"
+    shutil.copy(alarmed[0], db)
+    inbox.mkdir()
+    words = ["watch", "--db", db, "--robot", ROBOT, "--each", "--no-cause", inbox]
+    status, out, _ = run(*words)
+    assert (
+        status == program.CHANGED and "ALARM: " in out and "nothing new since the alarm of 2026-11-03" in out
+    )
+    # On the day of the alarm the robot is mended and accepted: its broken runs of that day are no new entry.
+    broken = inbox / "2026-11-03_broken"
+    shutil.copytree(days / "changed", broken)
+    with Store(str(db)) as store:
+        state = store.accepted("rig_60mm")[-1]
+        last = store.days(state)[-1]
+        noon = program.day.recorded_at([str(broken)])
+        store.add(dataclasses.replace(last, id=0, at=noon, runs={"x": "0"}, sources=[str(broken)]))
+        store.add(dataclasses.replace(state, id=0, at=noon, runs={"y": "1"}))
+    assert run(*words) == (0, "robot 'rig_60mm': nothing new\n", "")
+
+
+def test_an_alarm_that_later_days_explain_is_still_told(alarmed):
+    with Store(str(alarmed[0]), "ro") as store:
+        entry = store.days(store.accepted("rig_60mm")[-1])[-1]
+    assert entry.finding["alarm"] and "the days entered since explain it" in text.sentence(entry, [])
+
+
 def test_another_robot_file_is_not_compared(watched, days, tmp_path):
     other = tmp_path / "robot.yaml"
     program_words = [
@@ -182,6 +210,12 @@ def test_another_robot_file_is_not_compared(watched, days, tmp_path):
             1,
             "before the accepted",
         ),
+        (
+            ["watch", "--db", "{db}", "--robot", ROBOT, "--at", "2026-11-09", "{days}/accepted"],
+            1,
+            "these are the accepted runs",
+        ),
+        (["watch", "--db", "{db}", "--robot", ROBOT, "--each", "--at", DAY, "{days}"], 1, "give one of them"),
         (
             ["watch", "--db", "{db}", "--robot", ROBOT, "--page", __file__, "{days}/same"],
             1,

@@ -41,7 +41,7 @@ def recorded_at(paths: Sequence[str]) -> float:
 
 
 def _files(path: pathlib.Path) -> list[pathlib.Path]:
-    return [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]
+    return [file for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file()]
 
 
 def in_folders(folders: Sequence[str]) -> list[str]:

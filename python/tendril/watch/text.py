@@ -62,10 +62,11 @@ def sentence(entry: Entry, changes: Sequence[Change]) -> str:
             return f"{robot}: nothing that matters changed; seen to change: {change_words(drifting[0])}"
         return f"{robot}: as accepted"
     head = headline(changes, cause)
-    assert head is not None
+    # Days that were entered later may explain what an alarm was entered with.
+    what = f": {change_words(head)}" if head else " when it was entered; the days entered since explain it"
     known = "cause" if cause and cause["established"] else "likeliest cause"
     because = f"; {known}: {cause_words(cause)}" if cause else ""
-    return f"{robot}: changed beyond materiality: {change_words(head)}{because}"
+    return f"{robot}: changed beyond materiality{what}{because}"
 
 
 def day_text(entry: Entry, accepted: Entry, changes: Sequence[Change]) -> str:
