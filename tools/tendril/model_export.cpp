@@ -42,7 +42,8 @@ void ExportModel(const ModelExport& o) {
     throw UsageError("nothing to write; give --mjcf FILE, --urdf FILE, or both");
   const auto place = [](const std::string& file) {
     std::error_code none;  // then the names are compared as they are
-    const std::filesystem::path whole = std::filesystem::weakly_canonical(file, none);
+    const std::filesystem::path whole =
+        std::filesystem::weakly_canonical(std::filesystem::absolute(file), none);
     return none ? std::filesystem::path(file) : whole;
   };
   if (!o.mjcf.empty() && !o.urdf.empty() && place(o.mjcf) == place(o.urdf))
