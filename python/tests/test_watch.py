@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import types
 import xml.etree.ElementTree
 
 import pytest
@@ -17,7 +18,9 @@ import tendril
 from conftest import ROBOTS
 from tendril.watch import __main__ as program
 from tendril.watch import alarm, text
+from tendril.watch.day import cause_json
 from tendril.watch.store import Key, Store
+from tendril.watch.text import cause_words
 
 ROBOT = ROBOTS / "rig_60mm.yaml"
 PLAN = """name: short
@@ -256,3 +259,24 @@ def test_the_journal_gets_a_priority_on_every_line():
     with os.fdopen(read) as told:
         assert told.read() == "<2>ALARM: a\n<2>  b\n"
     assert not alarm.in_journal()
+
+
+def test_causes_that_cannot_be_told_apart_are_all_named():
+    def cause(effect, p, group):
+        return types.SimpleNamespace(effect=effect, where="all", p=p, group=group)
+
+    wrap, alpha, other = (
+        cause("wrap_angle", 0.49, 1),
+        cause("capstan_alpha", 0.48, 1),
+        cause("unknown", 0.03, 0),
+    )
+    report = types.SimpleNamespace(
+        verdict="ambiguous_group", sentence="", causes=[wrap, alpha, other], accepted=[wrap]
+    )
+    assert cause_words(cause_json(report, "")) == "wrap_angle (p 0.49) or capstan_alpha (p 0.48)"
+    report = types.SimpleNamespace(
+        verdict="attributed", sentence="", causes=[alpha, other], accepted=[cause("slack", 1, 0)]
+    )
+    assert cause_words(cause_json(report, "")) == "slack (p 1)"
+    report = types.SimpleNamespace(verdict="no_gap", sentence="", causes=[other], accepted=[])
+    assert cause_words(cause_json(report, "")) == "none by this day's runs alone"
