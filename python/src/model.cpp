@@ -189,7 +189,7 @@ class Model {
     });
   }
 
-  /// N + 1 homogeneous frames a row, base disk first, 4 x 4 row by row.
+  /// Angles of the hinges u, v of each unit, 2N a row.
   Rows HingeAngles(Rows q_rows) const {
     const RowsPtr q = Keep(std::move(q_rows));
     return Filled(q->rows(), s_->body.dof(), kNoScratch, [q](Index i, auto row, Nothing&) {

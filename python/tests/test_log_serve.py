@@ -130,13 +130,22 @@ def test_what_comes_over_lcm_arrives_as_it_was_sent(served):
                 }
             )
         )
-        given = every_kind(3, seed=5)
-        for _, message in given:
-            message.utime += 10**6
-        expected = {1000 * m.utime: m for ending, m in given if ending == "CYCLE"}
+        given, sent, seen = every_kind(3, seed=5), {}, threading.Event()
+
+        def keep_publishing():
+            """Again and again, a second later each time: from when on a subscription acts is not told."""
+            while not seen.wait(0.3):
+                for _, message in given:
+                    message.utime += 10**6
+                sent.update(
+                    {1000 * m.utime: type(m).decode(m.encode()) for ending, m in given if ending == "CYCLE"}
+                )
+                publish(connection, given)
+
+        publisher = threading.Thread(target=keep_publishing, daemon=True)
+        publisher.start()
         reader, drawn, read = Reader(), 0, {}
-        threading.Timer(0.3, publish, (connection, given)).start()
-        while len(read) < len(expected) or not drawn:
+        while len(read) < 3 or not drawn:
             frame = page.recv(timeout=20)
             if isinstance(frame, str) or frame[0] != 1:
                 continue
@@ -146,9 +155,11 @@ def test_what_comes_over_lcm_arrives_as_it_was_sent(served):
             drawn += channel["topic"] == "/TENDRIL/scene"
             if channel["topic"] == "/TENDRIL/cycle":
                 read[time_ns] = message
-    for time_ns, original in expected.items():
-        original = type(original).decode(original.encode())
-        assert {name: plain(getattr(read[time_ns], name)) for name in original.__slots__} == fields(original)
+        seen.set()
+        publisher.join()
+    for time_ns, message in read.items():
+        original = sent[time_ns]
+        assert {name: plain(getattr(message, name)) for name in original.__slots__} == fields(original)
 
 
 def test_other_pages_are_refused_and_named_and_the_server_behind_is_hidden(served):

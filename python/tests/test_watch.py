@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import dataclasses
 import io
 import json
 import os
@@ -9,14 +10,17 @@ import re
 import shutil
 import subprocess
 import sys
+import types
 import xml.etree.ElementTree
 
 import pytest
 import tendril
 from conftest import ROBOTS
 from tendril.watch import __main__ as program
-from tendril.watch import alarm
+from tendril.watch import alarm, text
+from tendril.watch.day import cause_json
 from tendril.watch.store import Key, Store
+from tendril.watch.text import cause_words
 
 ROBOT = ROBOTS / "rig_60mm.yaml"
 PLAN = """name: short
@@ -152,6 +156,33 @@ def test_each_enters_what_is_new_in_order_and_leaves_out_what_cannot_be_read(day
     assert run(*words) == (0, "robot 'rig_60mm': nothing new\n", "")
 
 
+def test_an_alarm_is_told_until_the_robot_is_accepted_and_then_not_entered_again(alarmed, days, tmp_path):
+    db, inbox = tmp_path / "watch.db", tmp_path / "inbox"
+    shutil.copy(alarmed[0], db)
+    inbox.mkdir()
+    words = ["watch", "--db", db, "--robot", ROBOT, "--each", "--no-cause", inbox]
+    status, out, _ = run(*words)
+    assert (
+        status == program.CHANGED and "ALARM: " in out and "nothing new since the alarm of 2026-11-03" in out
+    )
+    # On the day of the alarm the robot is mended and accepted: its broken runs of that day are no new entry.
+    broken = inbox / "2026-11-03_broken"
+    shutil.copytree(days / "changed", broken)
+    with Store(str(db)) as store:
+        state = store.accepted("rig_60mm")[-1]
+        last = store.days(state)[-1]
+        noon = program.day.recorded_at([str(broken)])
+        store.add(dataclasses.replace(last, id=0, at=noon, runs={"x": "0"}, sources=[str(broken)]))
+        store.add(dataclasses.replace(state, id=0, at=noon, runs={"y": "1"}))
+    assert run(*words) == (0, "robot 'rig_60mm': nothing new\n", "")
+
+
+def test_an_alarm_that_later_days_explain_is_still_told(alarmed):
+    with Store(str(alarmed[0]), "ro") as store:
+        entry = store.days(store.accepted("rig_60mm")[-1])[-1]
+    assert entry.finding["alarm"] and "the days entered since explain it" in text.sentence(entry, [])
+
+
 def test_another_robot_file_is_not_compared(watched, days, tmp_path):
     other = tmp_path / "robot.yaml"
     program_words = [
@@ -182,6 +213,12 @@ def test_another_robot_file_is_not_compared(watched, days, tmp_path):
             1,
             "before the accepted",
         ),
+        (
+            ["watch", "--db", "{db}", "--robot", ROBOT, "--at", "2026-11-09", "{days}/accepted"],
+            1,
+            "these are the accepted runs",
+        ),
+        (["watch", "--db", "{db}", "--robot", ROBOT, "--each", "--at", DAY, "{days}"], 1, "give one of them"),
         (
             ["watch", "--db", "{db}", "--robot", ROBOT, "--page", __file__, "{days}/same"],
             1,
@@ -222,3 +259,24 @@ def test_the_journal_gets_a_priority_on_every_line():
     with os.fdopen(read) as told:
         assert told.read() == "<2>ALARM: a\n<2>  b\n"
     assert not alarm.in_journal()
+
+
+def test_causes_that_cannot_be_told_apart_are_all_named():
+    def cause(effect, p, group):
+        return types.SimpleNamespace(effect=effect, where="all", p=p, group=group)
+
+    wrap, alpha, other = (
+        cause("wrap_angle", 0.49, 1),
+        cause("capstan_alpha", 0.48, 1),
+        cause("unknown", 0.03, 0),
+    )
+    report = types.SimpleNamespace(
+        verdict="ambiguous_group", sentence="", causes=[wrap, alpha, other], accepted=[wrap]
+    )
+    assert cause_words(cause_json(report, "")) == "wrap_angle (p 0.49) or capstan_alpha (p 0.48)"
+    report = types.SimpleNamespace(
+        verdict="attributed", sentence="", causes=[alpha, other], accepted=[cause("slack", 1, 0)]
+    )
+    assert cause_words(cause_json(report, "")) == "slack (p 1)"
+    report = types.SimpleNamespace(verdict="no_gap", sentence="", causes=[other], accepted=[])
+    assert cause_words(cause_json(report, "")) == "none by this day's runs alone"

@@ -78,7 +78,7 @@ def test_a_kill_at_any_moment_loses_nothing_that_was_kept(database):
     for _ in range(6):
         process = fill(database)
         assert process.stdout is not None
-        said.append(int(process.stdout.readline()))  # it is at work
+        said += [int(process.stdout.readline()) for _ in range(3)]  # it is at work
         try:
             process.communicate(timeout=rng.uniform(0, 0.06))
         except subprocess.TimeoutExpired:
@@ -109,6 +109,13 @@ def test_the_same_runs_are_entered_once(database):
         with pytest.raises(StoreError):
             store.add(day(1, accepted.id))
         assert len(store.days(accepted)) == 1
+
+
+def test_a_database_whose_maker_was_killed_is_made_again(tmp_path):
+    path = tmp_path / "watch.db"
+    path.touch()
+    with Store(str(path), "rwc") as store:
+        assert store.robots() == []
 
 
 @pytest.mark.parametrize("what", ["nothing", "folder", "text", "other", "later"])

@@ -2,7 +2,7 @@
 
 import tendril
 from launch import LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
@@ -25,9 +25,12 @@ def _urdf(context: LaunchContext) -> str:
         return client.robot().to_urdf()
 
 
-def _frames(context: LaunchContext) -> list[Node]:
-    """robot_state_publisher wants the robot when it starts."""
-    robot = {"robot_description": ParameterValue(_urdf(context), value_type=str)}
+def _frames(context: LaunchContext) -> list[Node | LogInfo]:
+    """robot_state_publisher wants the robot when it starts; without it the bridge waits for a daemon alone."""
+    try:
+        robot = {"robot_description": ParameterValue(_urdf(context), value_type=str)}
+    except tendril.Error as error:
+        return [LogInfo(msg=f"no frames: {error}; or give robot:=FILE")]
     return [
         Node(package="robot_state_publisher", executable="robot_state_publisher", parameters=[robot], output="screen")
     ]

@@ -1,12 +1,13 @@
 """The node: publishes what the daemon tells, and commands it through its gate.
 
-Whoever arms through this node is in control until it ends: closed, interrupted or terminated, it disarms by
-`tendril.Client`; killed or hung, by the guard, a process of its own. Targets are passed on only while this node
-armed the robot, and those that the daemon refuses are logged with the remedy.
+Whoever arms through this node is in control until the drives are off, or until it ends: closed, interrupted or
+terminated, it disarms by `tendril.Client`; killed or hung, by the guard, a process of its own. Targets are passed on
+only while this node is in control, and those that the daemon refuses are logged with the remedy.
 """
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections.abc import Callable
@@ -24,12 +25,16 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, Header
 from std_srvs.srv import Trigger
 from tendril.dashboard.guard import Guard
+from tendril.messages import state_t
+from tendril.state import DRIVES_OFF
 
 from . import conversions
 
 # A queue of targets would be followed late.
 NEWEST = QoSProfile(depth=1)
 DIAGNOSTICS_EVERY_S = 1.0
+# An arm shows in the state by then.
+SHOWS_S = 1.0
 
 
 class Bridge(Node):  # type: ignore[misc, unused-ignore]
@@ -47,7 +52,9 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
         self._model: tendril.Model | None = None
         self._statistics: tendril.Statistics | None = None
         self._lock = threading.Lock()  # of what follows, which callbacks of several threads share
-        self._ours = False
+        self._ours = False  # this node sent an arm, and the drives are not off since
+        self._armed = False  # the daemon accepted it
+        self._arming, self._shows_at, self._disarms, self._leaving = False, float("-inf"), 0, False
         self._refused: int | None = None
         self._base = self.declare_parameter("base_frame", "base_link").value
         self._valid_for = float(self.declare_parameter("valid_for", 0.5).value)
@@ -73,10 +80,10 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
         self._diagnostics = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
 
     def _listen(self) -> None:
-        """Disarming has a thread of its own: it waits for no other service, nor for a target."""
-        services, disarming, targets = (MutuallyExclusiveCallbackGroup() for _ in range(3))
+        """Disarming and holding have threads of their own: they wait for no other service, nor for a target."""
+        services, holding, disarming, targets = (MutuallyExclusiveCallbackGroup() for _ in range(4))
         self.create_service(Trigger, "~/arm", self._arm, callback_group=services)
-        self.create_service(Trigger, "~/hold", self._mode("hold"), callback_group=services)
+        self.create_service(Trigger, "~/hold", self._mode("hold"), callback_group=holding)
         self.create_service(Trigger, "~/clear", self._mode("clear"), callback_group=services)
         self.create_service(Trigger, "~/disarm", self._disarm, callback_group=disarming)
         for kind, name, receive in (
@@ -90,9 +97,10 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
 
     def publish(self) -> None:
         """The newest state on all topics; nothing while no daemon answers."""
-        self._guard_knows()
+        self._keep_guard()
         try:
             state = self._client.state(timeout=0.0)
+            self._follow(state)
             model = self._model_of(state)
         except tendril.Error:
             return
@@ -116,6 +124,7 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
 
     def diagnose(self) -> None:
         """The daemon's health, and its events as lines of the log."""
+        self._keep_guard()  # however slow the topics are
         message = DiagnosticArray()
         message.header.stamp = self.get_clock().now().to_msg()
         try:
@@ -156,11 +165,12 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
     def _tell_refusals(self, state: tendril.State) -> None:
         """Targets are sent without waiting for an answer: refusals show in the state."""
         before, self._refused = self._refused, state.commands_refused
-        if before is not None and state.commands_refused > before and self._ours and state.command_status:
+        if before is not None and state.commands_refused > before and self._armed and state.command_status:
             self.get_logger().warning(f"refused: {state.command_status_text}", throttle_duration_sec=1.0)
 
     def leave(self) -> None:
         """Disarms what this node armed, and closes the connection; the guard disarms too, should this fail."""
+        self._leaving = True
         self._guard.leave(in_order=not self._ours)
         self._client.close()
 
@@ -170,19 +180,64 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
         with self._lock:
             return bool(self._guard.tell(self._ours, time.monotonic()))
 
-    def _arm(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        if not self._guard.ready():
-            return _answer(response, "not armed: the process that disarms when this one ends does not start")
+    def _keep_guard(self) -> None:
+        """A guard that is gone is started again, and hears of an armed robot with the next beat."""
+        if not self._guard_knows():
+            with contextlib.suppress(OSError):
+                self._guard.start()
+
+    def _follow(self, state: tendril.State) -> None:
+        """Nobody is in control of drives that are off, whoever switched them off."""
         with self._lock:
-            self._ours = True
-        self._guard_knows()
-        return self._do(self._client.arm, response)
+            if state.mode in DRIVES_OFF and not self._arming and time.monotonic() > self._shows_at:
+                self._ours = self._armed = False
+
+    def _arm(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        asked = self._disarms
+        why_not = self._why_not_arm()
+        if why_not:
+            return _answer(response, f"not armed: {why_not}")
+        with self._lock:
+            self._ours = self._arming = True
+        try:
+            if self._guard_knows():
+                response = self._do(self._client.arm, response)
+            else:
+                _answer(response, "not armed: the process that disarms when this one ends is gone; try again")
+        finally:
+            with self._lock:
+                # Without an answer it may have been armed all the same: then the state says so.
+                self._arming, self._armed = False, bool(response.success)
+                self._shows_at = time.monotonic() + SHOWS_S
+        if self._disarms != asked:
+            self._disarm(_request, response)
+            return _answer(response, "not armed: disarmed while it was arming")
+        return response
+
+    def _why_not_arm(self) -> str:
+        """Empty where nothing is in the way."""
+        if self._leaving:
+            return "this node ends"
+        if not self._guard.ready():
+            return "the process that disarms when this one ends does not start"
+        try:
+            mode = self._client.state(timeout=2.0).mode
+        except tendril.Error as error:
+            return str(error)
+        if mode == state_t.MODE_DISCONNECTED:
+            return "the drives are not there yet; switch them on, and try again"
+        if mode not in DRIVES_OFF and not self._ours:
+            return "another program armed this robot; disarm it first"
+        return ""
 
     def _disarm(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        with self._lock:
+            self._disarms += 1
         response = self._do(self._client.disarm, response)
         if response.success:
             with self._lock:
-                self._ours = False
+                self._ours = self._arming  # an arm that is under way is disarmed at its end
+                self._armed = False
             self._guard_knows()
         return response
 
@@ -196,7 +251,7 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
             return _answer(response, str(error))
 
     def _target_tip(self, message: PointStamped) -> None:
-        frame, stamp = message.header.frame_id, message.header.stamp
+        frame, stamp, age_s = message.header.frame_id, message.header.stamp, 0.0
         if frame not in ("", self._base):
             self._refuse(f"target_tip is in frame '{frame}'; give '{self._base}'")
             return
@@ -206,7 +261,10 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
             if age_s > self._valid_for:
                 self._refuse(f"target_tip is {age_s:.2f} s old; valid_for is {self._valid_for} s")
                 return
-        self._send(self._client.send_tip, [message.point.x, message.point.y, message.point.z])
+            if age_s < -self._valid_for:
+                self._refuse(f"target_tip is stamped {-age_s:.2f} s in the future; set the clocks")
+                return
+        self._send(self._client.send_tip, [message.point.x, message.point.y, message.point.z], max(age_s, 0.0))
 
     def _target_bending(self, message: Float64MultiArray) -> None:
         self._send(self._client.send_bending, list(message.data))
@@ -214,14 +272,14 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
     def _target_tension(self, message: Float64MultiArray) -> None:
         self._send(self._client.send_tension, list(message.data))
 
-    def _send(self, send: Callable[..., str], values: list[float]) -> None:
-        if not self._ours:
+    def _send(self, send: Callable[..., str], values: list[float], age_s: float = 0.0) -> None:
+        if not self._armed:
             self._refuse("this node did not arm the robot; call its service arm first")
         elif not self._guard_knows():
             self._refuse("the process that disarms when this one ends is gone; disarm, and arm again")
         else:
             try:
-                send(values, valid_for=self._valid_for, timeout=0.0)
+                send(values, valid_for=max(1e-3, self._valid_for - age_s), timeout=0.0)
             except (tendril.Error, ValueError) as error:
                 self._refuse(str(error))
 
@@ -238,7 +296,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Runs until it is interrupted or terminated; then disarms what it armed."""
     rclpy.init(args=arguments)
     bridge = Bridge()
-    executor = MultiThreadedExecutor(num_threads=6)
+    executor = MultiThreadedExecutor(num_threads=7)
     executor.add_node(bridge)
     try:
         executor.spin()

@@ -15,7 +15,8 @@ double GearFriction_N(const GearParameters& gear, double tension_N) {
 }
 double PulleyFriction_N(const model::CapstanTable& table, const TransmissionParameters& transmission,
                         double tension_N) {
-  return (table.Pull(tension_N) - table.Release(tension_N)) / 2 + transmission.coulomb_N;
+  return (table.Pull(tension_N) - table.Release(tension_N)) / 2 +
+         transmission.coulomb_N * std::min(1.0, tension_N / transmission.low_tension_N);
 }
 
 }  // namespace

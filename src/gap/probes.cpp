@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <cmath>
+#include <stdexcept>
 #include <utility>
 
 #include "tendril/core/parallel.h"
@@ -22,11 +23,15 @@ constexpr double kOnsetSteps[] = {0.02, 0.1, 0.4};
 /// likely ones are refitted.
 class Screen {
  public:
-  Screen(const Evaluator& evaluator, int threads) : evaluator_(evaluator), coarse_(evaluator.runs().size()) {
-    ParallelFor(static_cast<int>(coarse_.size()), threads, [&](int i) {
-      coarse_[i] =
-          std::move(evaluator.At(evaluator.nominal(), kAllCuts, {i}, sim::Replay::Steps::kCoarse)[i]);
-    });
+  Screen(const Evaluator& evaluator, int threads) : evaluator_(evaluator), nominal_(evaluator.runs().size()) {
+    try {
+      ParallelFor(static_cast<int>(nominal_.size()), threads, [&](int i) {
+        nominal_[i] = std::move(evaluator.At(evaluator.nominal(), kAllCuts, {i}, steps_)[i]);
+      });
+    } catch (const std::runtime_error&) {  // in fine steps it is known to work
+      nominal_ = evaluator.AtNominal();
+      steps_ = sim::Replay::Steps::kFine;
+    }
   }
 
   const Evaluator& evaluator() const { return evaluator_; }
@@ -36,12 +41,13 @@ class Screen {
     const unsigned cuts = CutsOf(evaluator_, model);
     // Where the body moves as without the effect, that motion is known.
     if ((cuts & kBody) == 0) return Sensitivity(evaluator_, model, k, step, evaluator_.AtNominal(), cuts);
-    return Sensitivity(evaluator_, model, k, step, coarse_, cuts, sim::Replay::Steps::kCoarse);
+    return Sensitivity(evaluator_, model, k, step, nominal_, cuts, steps_);
   }
 
  private:
   const Evaluator& evaluator_;
-  Residuals coarse_;
+  sim::Replay::Steps steps_ = sim::Replay::Steps::kCoarse;
+  Residuals nominal_;
 };
 
 /// Index of the candidate's parameter that each place has of its own, or -1.

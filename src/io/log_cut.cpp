@@ -13,6 +13,7 @@
 #include <map>
 #include <memory>
 #include <stdexcept>
+#include <system_error>
 #include <vector>
 
 #include "event_reader.h"
@@ -82,6 +83,11 @@ std::pair<std::int64_t, std::int64_t> Stamps(const std::string& path,
 
 CutResult CutLog(const std::string& path, const LogSpan& span, const std::string& out,
                  const std::function<void(double)>& progress) {
+  std::error_code none;
+  if (std::filesystem::exists(out + ".part", none))  // as of a black box that was cut off
+    throw std::runtime_error(out + ".part exists and would be lost; move it, or name another file");
+  if (std::filesystem::equivalent(path, out, none))
+    throw std::runtime_error(out + " is the log that is read; name another file");
   const auto [first, last] = Stamps(path, progress);
   const auto stamp = [first = first](double seconds) { return first + std::llround(1e6 * seconds); };
   const std::int64_t from = span.from_s ? stamp(*span.from_s) : first;

@@ -15,7 +15,7 @@ try:
     import cantools
     import yaml
 except ImportError as error:
-    print(f"skipped: {error}; install tests/requirements.txt into the Python that the tests use")
+    print(f"skipped: {error}; install tests/requirements.txt and tests/blind/requirements.txt into the Python that the tests use")
     sys.exit(77)
 
 TENDRIL, FRAMES, SOURCE = sys.argv[1], sys.argv[2], pathlib.Path(sys.argv[3])

@@ -9,6 +9,7 @@ import csv
 import io
 import itertools
 import json
+import os
 import pathlib
 import subprocess
 import sys
@@ -324,7 +325,8 @@ class WrongUse(unittest.TestCase):
             new = there.with_name("new.xml")
             self.refused(["--robot", rig], "give --mjcf FILE")
             self.refused(["--robot", rig, "--mjcf", there], "already exists; give another name, or --overwrite")
-            self.refused(["--robot", rig, "--mjcf", new, "--urdf", new], "two names")
+            for same in (new, f"{new.parent}/./{new.name}", os.path.relpath(new)):
+                self.refused(["--robot", rig, "--mjcf", new, "--urdf", same], "two names")
             self.refused(
                 ["--robot", body, "--mjcf", new, "--actuators", "motors"], "has no actuation; accepted: tensions"
             )

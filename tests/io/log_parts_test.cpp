@@ -169,6 +169,16 @@ TEST_F(LogPartsTest, NoHalfOfACutIsLeft) {
   EXPECT_THAT(Files(), ElementsAre("run.lcmlog"));
 }
 
+TEST_F(LogPartsTest, ACutReplacesNeitherItsLogNorAnotherOnesPart) {
+  const std::string part = out.string() + ".part";
+  std::filesystem::copy_file(path, part);
+  EXPECT_THROW(CutLog(part, {}, out), std::runtime_error);
+  EXPECT_EQ(std::filesystem::file_size(part), std::filesystem::file_size(path));
+  std::filesystem::remove(part);
+  EXPECT_THROW(CutLog(path, {}, path), std::runtime_error);
+  EXPECT_NO_THROW(CutLog(path, {}, out));
+}
+
 TEST_F(LogPartsTest, MessagesThatAreNoneOfTheirTypeAreDamage) {
   std::vector<Event> events = EventsOf(path);
   lcm_eventlog_t* log = lcm_eventlog_create(out.c_str(), "w");

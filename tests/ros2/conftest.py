@@ -20,6 +20,7 @@ class Daemon:
     def __init__(self) -> None:
         self.commands, self.refuses, self.answers, self.closed = [], "", True, False
         self.changed, self.news, self.statistic = {}, [], None
+        self.mode, self.meanwhile = state_t.MODE_CONFIGURED, lambda: None
 
     def state(self, timeout):
         if not self.answers:
@@ -27,7 +28,7 @@ class Daemon:
         message = state_t()
         values = {name: getattr(message, name) for name in tendril.State.__dataclass_fields__}
         values |= dict(
-            mode=state_t.MODE_RUNNING,
+            mode=self.mode,
             mode_text="running",
             status=0,
             status_text="ok",
@@ -59,10 +60,15 @@ class Daemon:
         return f"{command[0]}: done"
 
     def arm(self):
-        return self._take("arm")
+        self.meanwhile()
+        answer = self._take("arm")
+        self.mode = state_t.MODE_RUNNING
+        return answer
 
     def disarm(self):
-        return self._take("disarm")
+        answer = self._take("disarm")
+        self.mode = state_t.MODE_CONFIGURED
+        return answer
 
     def hold(self):
         return self._take("hold")
@@ -89,13 +95,13 @@ class Guard:
     """Stands in for the guard: it is there, or it does not start; `told`: whether the robot is ours, as it was told."""
 
     def __init__(self) -> None:
-        self.there, self.started, self.told, self.in_order = True, False, [], None
+        self.there, self.starts, self.told, self.in_order = True, 0, [], None
 
     def start(self):
-        self.started = True
+        self.starts += 1
 
     def ready(self):
-        return self.started and self.there
+        return self.starts > 0 and self.there
 
     def tell(self, ours, now):
         self.told.append(ours)

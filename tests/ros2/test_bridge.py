@@ -14,6 +14,7 @@ from conftest import ROBOT, some_statistics
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Point, PointStamped
 from std_msgs.msg import Float64MultiArray, Header
+from tendril.messages import state_t
 
 
 def only(node, topic):
@@ -69,8 +70,71 @@ def test_targets_pass_only_while_this_node_armed(bridge, daemon, guard):
     assert daemon.commands[-1] == ("disarm",)
 
 
+def test_a_disarm_during_an_arm_holds(bridge, daemon, guard):
+    daemon.meanwhile = lambda: bridge.call("/tendril/disarm")
+    answer = bridge.call("/tendril/arm")
+    assert not answer.success and "disarmed while it was arming" in answer.message
+    assert daemon.commands == [("disarm",), ("arm",), ("disarm",)]
+    assert daemon.mode == state_t.MODE_CONFIGURED and guard.told[-1] is False
+
+
+def test_a_refused_arm_gives_no_control(bridge, daemon, guard, monkeypatch):
+    daemon.refuses = "refused (204): not commissioned"
+    assert not bridge.call("/tendril/arm").success
+    daemon.refuses = ""
+    bridge.receive("/tendril/target_bending", Float64MultiArray(data=[0.1, 0.2]))
+    assert daemon.commands == [("arm",)] and "call its service arm first" in bridge.logger.lines[-1][1]
+    later = time.monotonic() + 2
+    monkeypatch.setattr(time, "monotonic", lambda: later)
+    bridge.publish()
+    bridge.publish()
+    assert guard.told[-1] is False
+
+
+def test_control_ends_with_the_drives(bridge, daemon, guard, monkeypatch):
+    bridge.call("/tendril/arm")
+    daemon.mode = state_t.MODE_FAULT
+    later = time.monotonic() + 2
+    monkeypatch.setattr(time, "monotonic", lambda: later)
+    bridge.publish()
+    bridge.receive("/tendril/target_bending", Float64MultiArray(data=[0.1, 0.2]))
+    assert daemon.commands == [("arm",)]
+    bridge.leave()
+    assert guard.in_order is True
+
+
+def test_another_programs_robot_is_not_taken_over(bridge, daemon, guard):
+    daemon.mode = state_t.MODE_RUNNING
+    answer = bridge.call("/tendril/arm")
+    assert not answer.success and "another program armed" in answer.message
+    assert daemon.commands == [] and True not in guard.told
+
+
+def test_an_arm_does_not_wait_for_drives(bridge, daemon):
+    daemon.mode = state_t.MODE_DISCONNECTED
+    answer = bridge.call("/tendril/arm")
+    assert not answer.success and "drives are not there" in answer.message and daemon.commands == []
+
+
+def test_nothing_is_armed_by_a_node_that_ends(bridge, daemon):
+    bridge.leave()
+    assert "this node ends" in bridge.call("/tendril/arm").message and daemon.commands == []
+
+
+def test_the_guard_is_told_every_second_and_started_again(bridge, daemon, guard):
+    told = len(guard.told)
+    bridge.diagnose()
+    assert len(guard.told) == told + 1 and guard.starts == 1
+    guard.there = False
+    bridge.diagnose()
+    assert guard.starts == 2
+
+
 def test_old_foreign_and_wrong_targets_are_refused(bridge, daemon):
     bridge.call("/tendril/arm")
+    ahead = Time(sec=int(time.time()) + 9, nanosec=0)
+    bridge.receive("/tendril/target_tip", PointStamped(header=Header(stamp=ahead)))
+    assert "in the future" in bridge.logger.lines[-1][1]
     old = Time(sec=int(time.time()) - 3, nanosec=0)
     bridge.receive("/tendril/target_tip", PointStamped(header=Header(stamp=old)))
     assert "s old; valid_for is 0.5 s" in bridge.logger.lines[-1][1]

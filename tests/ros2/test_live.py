@@ -16,7 +16,8 @@ from tendril.messages import state_t
 
 # Arms by its service, bends by its topic, and tells what it published.
 PROGRAM = """
-import sys, threading, time
+import threading, time
+import numpy as np
 import rclpy
 from std_msgs.msg import Float64MultiArray
 from tendril_ros2 import bridge
@@ -31,9 +32,11 @@ def operate():
         if answer.success:
             break
     print(answer.message, flush=True)
-    for _ in range(40):
+    end = time.monotonic() + 20
+    while time.monotonic() < end and not np.allclose(node.sent["/tendril/sections"][-1].position, [0.6, 0.3], atol=0.03):
         node.receive("/tendril/target_bending", Float64MultiArray(data=[0.6, 0.3]))
         time.sleep(0.05)
+    time.sleep(0.4)  # the reference stands
     pose, joints = node.sent["/tendril/tip"][-1].pose.position, node.sent["/joint_states"][-1]
     print("tip", pose.x, pose.y, pose.z, *joints.position, flush=True)
 
@@ -69,7 +72,7 @@ def until_disarmed(client, within_s):
 def test_arms_bends_and_disarms_however_it_ends(ending):
     with simulated_robot(), tendril.Client() as client:
         bridge = subprocess.Popen(
-            [sys.executable, "-P", "-c", PROGRAM], stdout=subprocess.PIPE, text=True, env=os.environ
+            [sys.executable, "-B", "-P", "-c", PROGRAM], stdout=subprocess.PIPE, text=True, env=os.environ
         )
         try:
             armed = bridge.stdout.readline()

@@ -12,7 +12,7 @@ import rclpy
 import tendril
 from conftest import ROBOT, SOURCE
 from launch import LaunchContext
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, LogInfo, OpaqueFunction
 from launch_ros.actions import Node
 from tendril_ros2.bridge import Bridge
 
@@ -53,3 +53,15 @@ def test_launch_starts_the_bridge_and_the_frames_of_the_robot(daemon, guard):
     (publisher,) = frames.function(LaunchContext(**(arguments | {"robot": str(ROBOT)})))
     assert publisher.executable == "robot_state_publisher"
     assert publisher.parameters[0]["robot_description"].value == tendril.load_robot(ROBOT).to_urdf()
+
+
+def test_without_a_daemon_the_bridge_starts_alone(monkeypatch):
+    launch = runpy.run_path(str(PACKAGE / "launch" / "tendril.launch.py"))
+    arguments = {name: default for name, (default, _) in launch["ARGUMENTS"].items()}
+
+    def nobody(url, prefix):
+        raise tendril.DaemonError("no daemon answers")
+
+    monkeypatch.setattr(tendril, "Client", nobody)
+    (told,) = launch["_frames"](LaunchContext(**arguments))
+    assert isinstance(told, LogInfo) and "no daemon answers; or give robot:=FILE" in told.msg

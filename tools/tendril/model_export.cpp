@@ -3,6 +3,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <system_error>
 
 #include "commands.h"
 #include "model.h"
@@ -39,7 +40,14 @@ void Write(const std::string& file, const char* format, const exchange::Exported
 void ExportModel(const ModelExport& o) {
   if (o.mjcf.empty() && o.urdf.empty())
     throw UsageError("nothing to write; give --mjcf FILE, --urdf FILE, or both");
-  if (!o.mjcf.empty() && o.mjcf == o.urdf) throw UsageError("--mjcf and --urdf are one file; give two names");
+  const auto place = [](const std::string& file) {
+    std::error_code none;  // then the names are compared as they are
+    const std::filesystem::path whole =
+        std::filesystem::weakly_canonical(std::filesystem::absolute(file), none);
+    return none ? std::filesystem::path(file) : whole;
+  };
+  if (!o.mjcf.empty() && !o.urdf.empty() && place(o.mjcf) == place(o.urdf))
+    throw UsageError("--mjcf and --urdf are one file; give two names");
   const RobotParameters robot = sim::FoldEffects(sim::LoadRobot(o.robot));
   exchange::MjcfOptions options{{}, o.friction_at_N, o.timestep_s};
   if (o.actuators != "auto") options.actuators = exchange::ActuatorsOf(o.actuators);

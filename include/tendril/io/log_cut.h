@@ -22,7 +22,8 @@ struct CutResult {
 /// Writes what lies in the span, unaltered and in its order, behind the last RUN message of each daemon
 /// before it (stamped as the first message of the span), without which no reader knows the robot. Damage is
 /// left out. The file appears when it is complete. Throws std::runtime_error where `path` cannot be read,
-/// nothing lies in the span, or `out` cannot be written. `progress` as SummariseLog.
+/// nothing lies in the span, `out` cannot be written, or a file would be lost that is no earlier cut:
+/// the log itself, or one called OUT.part. `progress` as SummariseLog.
 CutResult CutLog(const std::string& path, const LogSpan& span, const std::string& out,
                  const std::function<void(double)>& progress = {});
 

@@ -97,7 +97,8 @@ class Replay {
   /// How finely the body's motion is integrated.
   enum class Steps {
     kFine,    // to 0.01 mm at the tip for motions up to 10 Hz
-    kCoarse,  // in twice as long steps: for the difference of two replays, where most of the error cancels
+    kCoarse,  // in steps of up to 2.1 ms, also over several samples: for the difference of two replays, where
+              // most of the error cancels
   };
   /// Motion of the body in time; throws std::runtime_error when it cannot be integrated. Where pulleys lie
   /// between the known tension and the base, they slide by (s + d) / 2 with s measured and d from this

@@ -41,7 +41,9 @@ class NewFiles:
         self.require_free(path)
         part = path.with_name(f"{path.name}.part")
         try:
-            part.open("wb").close()
+            part.open("xb").close()
+        except FileExistsError:
+            raise ExportError(f"{part} exists and would be lost; move it, or name another place") from None
         except OSError as e:
             remedy = "name a place in an existing folder that you may write to"
             raise ExportError(f"{path} cannot be written ({e.strerror}); {remedy}") from None

@@ -13,16 +13,15 @@ import pyarrow as pa
 from pyarrow import csv, parquet
 
 from ..logs.batch import NS_PER_US, Part
-from ..logs.columns import Columns, Field, fields_of
+from ..logs.columns import OF_A_ROBOT, Columns, Field, fields_of
 from .files import NewFiles
 
 ROWS_A_GROUP = 65536
-# Lengths that a robot does not change: an array of it is a column an entry, TENSION_1, TENSION_2, ... Others are lists.
-OF_A_ROBOT = ("num_tendons", "num_bending", "num_covariance", "num_drives", "num_bins")
 
 
 def columns_of_field(field: Field, columns: Columns) -> dict[str, Any]:
-    """The Arrow arrays of a field by the names of their columns."""
+    """The Arrow arrays of a field by the names of their columns: an array of a robot's size is a column an entry,
+    TENSION_1, TENSION_2, ...; others are lists."""
     if field.count is None:
         if field.type == "string":
             return {field.name: pa.array([text for (text,) in columns.strings(field.name)], pa.string())}

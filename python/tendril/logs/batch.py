@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .. import _core
-from .columns import Columns
+from .columns import OF_A_ROBOT, Columns, fields_of
 
 # Channel, type or "", stamp [us], bytes: as _core.LogMessages.next gives them.
 LcmMessage = tuple[str, str, int, bytes]
@@ -21,7 +21,7 @@ NS_PER_US = 1000
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Part:
-    """Messages of one channel and type."""
+    """Messages of one channel and type, of a robot whose sizes do not change."""
 
     channel: str
     kind: str
@@ -46,7 +46,9 @@ class Sorter:
                 self.left_out[channel, _reason(channel, kind)] += 1
             else:
                 places.setdefault((channel, kind), []).append(i)
-        parts = [_part(channel, kind, at, messages) for (channel, kind), at in places.items()]
+        parts = [
+            part for (channel, kind), at in places.items() for part in _parts(channel, kind, at, messages)
+        ]
         first = ("run_t", "state_t")
         return sorted(parts, key=lambda part: first.index(part.kind) if part.kind in first else len(first))
 
@@ -56,8 +58,23 @@ class Sorter:
         ]
 
 
-def _part(channel: str, kind: str, places: list[int], messages: Sequence[LcmMessage]) -> Part:
+def _parts(channel: str, kind: str, places: list[int], messages: Sequence[LcmMessage]) -> list[Part]:
+    """One, or where another robot takes over one a stretch."""
     columns = Columns(kind, [messages[i][3] for i in places])
+    sizes = [columns.numbers(field.name) for field in fields_of(kind) if field.name in OF_A_ROBOT]
+    begins = sorted({int(i) + 1 for size in sizes for i in np.flatnonzero(np.diff(size))})
+    if not begins:
+        return [_part(channel, kind, places, messages, columns)]
+    stretches = [stretch.tolist() for stretch in np.split(np.array(places), begins)]
+    return [
+        _part(channel, kind, stretch, messages, Columns(kind, [messages[i][3] for i in stretch]))
+        for stretch in stretches
+    ]
+
+
+def _part(
+    channel: str, kind: str, places: list[int], messages: Sequence[LcmMessage], columns: Columns
+) -> Part:
     recorded = np.array([messages[i][2] for i in places], dtype=np.int64)
     utime = columns.numbers("utime")
     times: Any = np.where(utime > 0, utime, recorded) * NS_PER_US

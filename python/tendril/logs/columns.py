@@ -29,6 +29,8 @@ NUMPY = {
     "byte": "u1",
 }
 FINGERPRINT_SIZE = 8
+# Fields with lengths that a robot does not change.
+OF_A_ROBOT = ("num_tendons", "num_bending", "num_covariance", "num_drives", "num_bins")
 LENGTH = struct.Struct(">i")
 
 

@@ -73,6 +73,8 @@ class Reporter:
         self._said: set[str] = set()
 
     def __call__(self, text: str) -> None:
+        # A request's headers are whatever a stranger sent.
+        text = "".join(c if c.isprintable() else "?" for c in text)[:500]
         if text not in self._said and len(self._said) < 100:
             self._said.add(text)
             print(f"tendril: log: {text}", file=sys.stderr, flush=True)

@@ -126,7 +126,7 @@ class Guard:
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
         try:
             server = await asyncio.start_server(self._serve, address, port, limit=LARGEST_HEAD)
-        except OSError as e:
+        except Exception as e:
             self._opened.set_exception(e)
             return
         self._opened.set_result(server.sockets[0].getsockname()[1])

@@ -120,7 +120,7 @@ def accept(o: argparse.Namespace) -> int:
 def require_writable(db: str) -> None:
     """Found before the work; where it is missing it is made with its first entry."""
     if os.path.exists(db):
-        with Store(db) as store:
+        with Store(db, "rwc") as store:
             store.require_writable()
     elif not os.access(os.path.dirname(os.path.abspath(db)), os.W_OK):
         raise StoreError(
@@ -131,6 +131,8 @@ def require_writable(db: str) -> None:
 def watch(o: argparse.Namespace) -> int:
     if o.page:
         page.require_page(o.page)
+    if o.each and o.at is not None:
+        raise ValueError("--at is the date of one entry, --each has several; give one of them")
     with Store(o.db, "rw") as store:
         store.require_writable()
         accepted = accepted_state(store, o.robot)
@@ -139,19 +141,32 @@ def watch(o: argparse.Namespace) -> int:
 
 def watch_each(store: Store, o: argparse.Namespace, accepted: Entry) -> int:
     """What lies in the folders and is no entry yet, in order of time. One that cannot be read does not stop others."""
-    known = {source for entry in [accepted, *store.days(accepted)] for source in entry.sources}
-    new = [
-        path
-        for path in day.in_folders(o.data)
-        if path not in known and day.recorded_at([path]) >= accepted.at
-    ]
+    days = store.days(accepted)
+    known = {source for entry in [accepted, *days] for source in entry.sources}
+    earlier = {
+        source
+        for state in store.accepted(accepted.robot)
+        for entry in [state, *store.days(state)]
+        for source in entry.sources
+    }
+
+    def is_new(path: str) -> bool:
+        at = day.recorded_at([path])
+        # Of the accepted state's own day, what an earlier state has seen was before it.
+        return path not in known and (at > accepted.at or (at == accepted.at and path not in earlier))
+
+    new = [path for path in day.in_folders(o.data) if is_new(path)]
+    if not new and days and days[-1].finding.get("alarm"):
+        when = text.date(days[-1].at)
+        alarm.say(f"ALARM: robot '{accepted.robot}': nothing new since the alarm of {when}", True)
+        return CHANGED
     status = 0
     for path in new:
         try:
             status = max(status, watch_one(store, o, accepted, [path]))
-        except StoreError:
+        except (StoreError, BrokenPipeError):
             raise
-        except (Error, ValueError) as error:
+        except (Error, ValueError, OSError) as error:
             alarm.warn("watch", f"left out: {error}")
             status = max(status, 1)
     if not new:
@@ -173,6 +188,8 @@ def watch_one(store: Store, o: argparse.Namespace, accepted: Entry, paths: list[
             f"{paths[0]}: recorded {text.moment(entry.at)}, before the accepted state ({text.moment(accepted.at)}); "
             "give runs from after it, or their date with --at"
         )
+    if entry.digest == accepted.digest:
+        raise Error(f"{paths[0]}: these are the accepted runs; give those of a later day")
     days = [other for other in days if other.at <= entry.at]
     with Line() as line:
         entry = replace(day.measured(entry, runs, accepted, line), accepted=accepted.id)
@@ -190,7 +207,7 @@ def cause_of(runs: DataSet, accepted: Entry, entry: Entry, line: Line) -> Report
     """Adds it to the finding. An alarm without a diagnosis is an alarm all the same."""
     try:
         report, remark = day.name_cause(runs, accepted, line)
-    except Error as error:
+    except Exception as error:
         alarm.warn("watch", f"no diagnosis of the alarm: {error}")
         return None
     entry.finding["cause"] = day.cause_json(report, remark)

@@ -27,7 +27,9 @@ DAY_s = 86400.0
 YEAR_days = 365
 TWO_SIDED_95 = 1.959964
 ONE_SIDED_95 = 1.644854
-MEDIAN_SPREAD = 2.33  # relative deviation of the median of n squared Gaussian differences, times sqrt(n)
+# Relative deviation of the median of n squared differences of successive Gaussian days, which share a day (simulated),
+# times sqrt(n).
+MEDIAN_SPREAD = 2.55
 SCATTER_DAYS = 10  # differences between days from which the scatter of days is known
 
 Vector = npt.NDArray[np.float64]

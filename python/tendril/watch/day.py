@@ -41,7 +41,7 @@ def recorded_at(paths: Sequence[str]) -> float:
 
 
 def _files(path: pathlib.Path) -> list[pathlib.Path]:
-    return [file for file in path.rglob("*") if file.is_file()] if path.is_dir() else [path]
+    return [file for file in (path.rglob("*") if path.is_dir() else [path]) if file.is_file()]
 
 
 def in_folders(folders: Sequence[str]) -> list[str]:
@@ -131,13 +131,15 @@ def finding(changes: Sequence[Change], false_alarms_per_year: float) -> dict[str
 
 
 def cause_json(report: Report, remark: str) -> dict[str, Any]:
-    """What an alarm keeps of its diagnosis."""
-    named = report.accepted or [c for c in report.causes if c.effect not in ("no_gap", "unknown")][:1]
+    """What an alarm keeps of its diagnosis: the causes established, with all that the runs cannot tell from them."""
+    groups = {cause.group for cause in report.accepted} - {0}
+    named = [c for c in report.causes if c.group in groups] if groups else report.accepted
     return {
         "verdict": report.verdict,
         "sentence": report.sentence,
         "remark": remark,
-        "established": bool(report.accepted),
+        "established": bool(named),
+        "one_of_them": bool(groups),
         "causes": [{"effect": c.effect, "where": c.where, "p": c.p} for c in named],
     }
 

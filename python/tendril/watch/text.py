@@ -45,12 +45,18 @@ def change_words(change: Change) -> str:
 
 
 def cause_words(cause: dict[str, Any]) -> str:
-    """'cell_offset tendon:1 (p 0.97)'."""
+    """'cell_offset tendon:1 (p 0.97)', 'wrap_angle (p 0.49) or capstan_alpha (p 0.48)', or that no cause is established."""
     names = [
         f"{c['effect']}{'' if c['where'] == 'all' else ' ' + c['where']} (p {c['p']:.2g})"
         for c in cause["causes"]
     ]
-    return " and ".join(names) or cause["verdict"].replace("_", " ")
+    # An alarm may take several days together; this is the last one's diagnosis.
+    unknown = (
+        "none by this day's runs alone"
+        if cause["verdict"] == "no_gap"
+        else cause["verdict"].replace("_", " ")
+    )
+    return (" or " if cause.get("one_of_them") else " and ").join(names) or unknown
 
 
 def sentence(entry: Entry, changes: Sequence[Change]) -> str:
@@ -62,10 +68,10 @@ def sentence(entry: Entry, changes: Sequence[Change]) -> str:
             return f"{robot}: nothing that matters changed; seen to change: {change_words(drifting[0])}"
         return f"{robot}: as accepted"
     head = headline(changes, cause)
-    assert head is not None
-    known = "cause" if cause and cause["established"] else "likeliest cause"
-    because = f"; {known}: {cause_words(cause)}" if cause else ""
-    return f"{robot}: changed beyond materiality: {change_words(head)}{because}"
+    # Days that were entered later may explain what an alarm was entered with.
+    what = f": {change_words(head)}" if head else " when it was entered; the days entered since explain it"
+    because = f"; cause: {cause_words(cause)}" if cause else ""
+    return f"{robot}: changed beyond materiality{what}{because}"
 
 
 def day_text(entry: Entry, accepted: Entry, changes: Sequence[Change]) -> str:

@@ -9,3 +9,8 @@ class DeclareLaunchArgument:
 class OpaqueFunction:
     def __init__(self, *, function) -> None:
         self.function = function
+
+
+class LogInfo:
+    def __init__(self, *, msg: str) -> None:
+        self.msg = msg
