@@ -329,14 +329,15 @@ void RequireBendingOnly(const BodyParameters& body, const std::string& robot_pat
   for (std::size_t k = 0; k < body.sections.size(); ++k) {
     const SectionParameters& s = body.sections[k];
     const std::string section = fmt::format("body.sections[{}]", k + 1);
-    if (s.torsion || s.extension) {
+    std::vector<std::string_view> others;
+    if (s.torsion) others.emplace_back("torsion");
+    if (s.extension) others.emplace_back("extension");
+    if (s.shear) others.emplace_back("shear");
+    if (!others.empty()) {
       throw ErrorAt(robot_path, section + ".strains",
                     fmt::format("{}: {} knows bending alone; accepted: [bending]; remove the "
                                 "others and their keys in a copy of the file",
-                                s.torsion && s.extension ? "torsion, extension"
-                                : s.torsion              ? "torsion"
-                                                         : "extension",
-                                what));
+                                fmt::join(others, ", "), what));
     }
     if (s.units_per_disk != 1) {
       throw ErrorAt(robot_path, section + ".units_per_disk",

@@ -21,6 +21,19 @@ double SectionParameters::UnitAxialStiffness() const {
   return axial_stiffness_N.value_or(youngs_modulus_Pa * area_m2) * unit_length_m;
 }
 
+double SectionParameters::UnitShearStiffness() const {
+  double sheared_N = 0;
+  if (shear_stiffness_N) {
+    sheared_N = *shear_stiffness_N;
+  } else {
+    // k = 6 (1 + nu) / (7 + 6 nu) of a round section (Cowper, 1966); G = E / (2 (1 + nu)).
+    const double area_m2 = std::numbers::pi * core_radius_m * core_radius_m;
+    sheared_N = 3 * youngs_modulus_Pa * area_m2 / (7 + 6 * poissons_ratio.value());
+  }
+  const double left_out = unit_length_m / (12 * UnitStiffness());  // l^2 / (12 EI)
+  return unit_length_m / (1 / sheared_N + left_out);
+}
+
 double SectionParameters::MassAt(int unit_of_section) const {
   return EndsAtDisk(unit_of_section) ? unit_mass_kg + disk_mass_kg : unit_mass_kg;
 }
@@ -61,7 +74,7 @@ double BodyParameters::mass_kg() const {
 
 bool BodyParameters::BendsOnly() const {
   return std::none_of(sections.begin(), sections.end(), [](const SectionParameters& s) {
-    return s.torsion || s.extension || s.units_per_disk != 1;
+    return s.torsion || s.extension || s.shear || s.units_per_disk != 1;
   });
 }
 

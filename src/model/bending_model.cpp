@@ -19,11 +19,13 @@ SectionParameters OneUnitADisk(SectionParameters s) {
   s.unit_length_m *= joined;
   s.bending_damping_Nms /= joined;
   s.units_per_disk = 1;
-  s.torsion = s.extension = false;
+  s.torsion = s.extension = s.shear = false;
   s.poissons_ratio.reset();
   s.torsional_stiffness_Nm2.reset();
   s.axial_stiffness_N.reset();
-  s.torsional_damping_Nms = s.axial_damping_Nspm = s.rest_torsion_rad_per_m = s.rest_extension = 0;
+  s.shear_stiffness_N.reset();
+  s.torsional_damping_Nms = s.axial_damping_Nspm = s.shear_damping_Nspm = 0;
+  s.rest_torsion_rad_per_m = s.rest_extension = 0;
   return s;
 }
 

@@ -32,16 +32,21 @@ void CheckStrains(const SectionParameters& s, const std::string& where) {
   Require(s.units_per_disk >= 1 && s.units % s.units_per_disk == 0,
           where + "units_per_disk must be at least 1 and divide units");
   Require(NotNegative(s.disk_mass_kg), where + "disk_mass_kg must not be negative");
+  Require(!s.poissons_ratio || (*s.poissons_ratio > -1 && *s.poissons_ratio <= 0.5),
+          where + "poissons_ratio must be above -1 and at most 0.5");
   if (s.torsion) {
     Require(s.torsional_stiffness_Nm2 || s.poissons_ratio,
             where + "torsion needs torsional_stiffness_Nm2 or poissons_ratio");
-    Require(!s.poissons_ratio || (*s.poissons_ratio > -1 && *s.poissons_ratio <= 0.5),
-            where + "poissons_ratio must be above -1 and at most 0.5");
     Require(Positive(s.UnitTorsionalStiffness()), where + "torsional_stiffness_Nm2 must be positive");
   }
   if (s.extension) Require(Positive(s.UnitAxialStiffness()), where + "axial_stiffness_N must be positive");
+  if (s.shear) {
+    Require(s.shear_stiffness_N || s.poissons_ratio, where + "shear needs shear_stiffness_N or poissons_ratio");
+    Require(Positive(s.UnitShearStiffness()), where + "shear_stiffness_N must be positive");
+  }
   Require(NotNegative(s.torsional_damping_Nms), where + "torsional_damping_Nms must not be negative");
   Require(NotNegative(s.axial_damping_Nspm), where + "axial_damping_Nspm must not be negative");
+  Require(NotNegative(s.shear_damping_Nspm), where + "shear_damping_Nspm must not be negative");
   Require(std::isfinite(s.rest_torsion_rad_per_m) && (s.torsion || s.rest_torsion_rad_per_m == 0),
           where + "rest_torsion_rad_per_m must be finite, and 0 without torsion");
   Require(s.rest_extension > -1 && std::isfinite(s.rest_extension) && (s.extension || s.rest_extension == 0),
@@ -63,7 +68,7 @@ Body::Body(const BodyParameters& parameters) : parameters_(parameters) {
       unit_.push_back({s.unit_length_m, s.MassAt(i), s.InertiaXxAt(i), s.InertiaZzAt(i), s.UnitStiffness(),
                        s.bending_damping_Nms, first_tendon, 0, 0});
       coordinate_.push_back(dof_);
-      dof_ += 2 + (s.torsion ? 1 : 0) + (s.extension ? 1 : 0);
+      dof_ += 2 + (s.torsion ? 1 : 0) + (s.extension ? 1 : 0) + (s.shear ? 2 : 0);
       if (s.EndsAtDisk(i)) disk_unit_.push_back(units_ + i);
     }
     units_ += s.units;
@@ -136,10 +141,10 @@ const SectionParameters& Body::SectionOf(int unit) const {
   return parameters_.sections[k];
 }
 
-Eigen::Vector4d Body::StrainsOf(int unit, ConstVectorRef q) const {
-  if (!strained_) return {q[2 * unit], q[2 * unit + 1], 0, 0};
+StrainVector Body::StrainsOf(int unit, ConstVectorRef q) const {
+  if (!strained_) return StrainVector{q[2 * unit], q[2 * unit + 1], 0, 0, 0, 0};
   const Strains at = strained_->units()[static_cast<std::size_t>(unit)].At(q);
-  return {at.u, at.v, at.w, at.e};
+  return StrainVector{at.u, at.v, at.w, at.e, at.sx, at.sy};
 }
 
 void Body::RestShape(VectorRef q) const noexcept {
@@ -149,8 +154,9 @@ void Body::RestShape(VectorRef q) const noexcept {
     q[at + 1] = unit_[i].rest_v;
     if (!strained_) continue;
     const StrainedUnit& unit = strained_->units()[static_cast<std::size_t>(i)];
-    if (unit.twists) q[unit.IndexOf(2)] = unit.rest[2];
-    if (unit.stretches) q[unit.IndexOf(3)] = unit.rest[3];
+    for (int a = 2; a < kStrains; ++a) {
+      if (unit.Has(a)) q[unit.IndexOf(a)] = unit.rest[a];
+    }
   }
 }
 

@@ -9,7 +9,7 @@ namespace tendril::model {
 namespace {
 
 // Of a bent unit's two ends; a turn by 2 pi has no rotation vector of its own.
-bool IsOpen(const BodyParameters& body, std::size_t section, const Eigen::Vector4d& strains) {
+bool IsOpen(const BodyParameters& body, std::size_t section, const StrainVector& strains) {
   const double u = strains[0], v = strains[1], w = strains[2];
   if (std::hypot(std::hypot(u, v), w) >= 2 * std::numbers::pi) return false;
   const double length_m = body.sections[section].unit_length_m * (1 + strains[3]);
@@ -21,6 +21,12 @@ bool IsOpen(const BodyParameters& body, std::size_t section, const Eigen::Vector
     }
   }
   return true;
+}
+
+std::string Number(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.6g", value);
+  return text.data();
 }
 
 }  // namespace
@@ -37,20 +43,13 @@ std::optional<int> FirstClosedUnit(const Body& body, ConstVectorRef q) {
 std::string WhyDisksClose(const Body& body, ConstVectorRef q) {
   const auto unit = FirstClosedUnit(body, q);
   if (!unit) return {};
-  const Eigen::Vector4d strains = body.StrainsOf(*unit, q);
-  std::array<char, 240> text{};
-  if (body.twists(*unit) || body.stretches(*unit)) {
-    std::snprintf(text.data(), text.size(),
-                  "unit %d is bent by %.6g rad, twisted by %.6g rad and stretched by %.6g of its length: its "
-                  "ends would "
-                  "cut through each other; strain it less",
-                  *unit + 1, strains.head<2>().norm(), strains[2], strains[3]);
-  } else {
-    std::snprintf(text.data(), text.size(),
-                  "unit %d is bent by %.6g rad: its disks would cut through each other; bend it less",
-                  *unit + 1, std::hypot(strains[0], strains[1]));
-  }
-  return text.data();
+  const StrainVector strains = body.StrainsOf(*unit, q);
+  std::string text = "unit " + std::to_string(*unit + 1) + " is bent by " + Number(strains.head<2>().norm()) + " rad";
+  if (body.bends_only()) return text + ": its disks would cut through each other; bend it less";
+  if (body.twists(*unit)) text += ", twisted by " + Number(strains[2]) + " rad";
+  if (body.stretches(*unit)) text += ", stretched by " + Number(strains[3]) + " of its length";
+  if (body.shears(*unit)) text += ", sheared by " + Number(strains.tail<2>().norm());
+  return text + ": its ends would cut through each other; strain it less";
 }
 
 }  // namespace tendril::model

@@ -8,10 +8,17 @@
 namespace tendril::model {
 namespace {
 
-std::array<double, kStrains> Stiffness(const SectionParameters& s, double bending_scale) {
-  const double bending = s.UnitStiffness() * bending_scale;
+std::array<double, kStrains> Stiffness(const SectionParameters& s) {
+  const double bending = s.UnitStiffness(), sideways = s.shear ? s.UnitShearStiffness() : 0;
   return {bending, bending, s.torsion ? s.UnitTorsionalStiffness() : 0,
-          s.extension ? s.UnitAxialStiffness() : 0};
+          s.extension ? s.UnitAxialStiffness() : 0, sideways, sideways};
+}
+
+std::array<double, kStrains> Damping(const SectionParameters& s) {
+  const double square = s.unit_length_m * s.unit_length_m;
+  const double sideways = s.shear_damping_Nspm * square;
+  return {s.bending_damping_Nms, s.bending_damping_Nms, s.torsional_damping_Nms, s.axial_damping_Nspm * square,
+          sideways, sideways};
 }
 
 Vec Hole(const TendonRoute& route, double turn_rad) {
@@ -31,21 +38,17 @@ StrainedChain::StrainedChain(const BodyParameters& parameters)
 
 void StrainedChain::MakeUnits(const BodyParameters& parameters) {
   for (const SectionParameters& s : parameters.sections) {
-    const double stretching_damping = s.axial_damping_Nspm * s.unit_length_m * s.unit_length_m;
+    const std::array<bool, kStrains> has{true, true, s.torsion, s.extension, s.shear, s.shear};
     for (int i = 0; i < s.units; ++i) {
       StrainedUnit& unit = units_.emplace_back();
       unit.length_m = s.unit_length_m;
       unit.mass_kg = s.MassAt(i);
       unit.inertia_xx = s.InertiaXxAt(i);
       unit.inertia_zz = s.InertiaZzAt(i);
-      unit.twists = s.torsion;
-      unit.stretches = s.extension;
-      unit.coordinate = dof_;
-      dof_ += 2 + (s.torsion ? 1 : 0) + (s.extension ? 1 : 0);
-      unit.stiffness = Stiffness(s, 1);
-      unit.damping = {s.bending_damping_Nms, s.bending_damping_Nms, s.torsional_damping_Nms,
-                      stretching_damping};
-      unit.rest = {0, 0, s.rest_torsion_rad_per_m * s.unit_length_m, s.rest_extension};
+      for (std::size_t a = 0; a < kStrains; ++a) unit.index[a] = has[a] ? dof_++ : -1;
+      unit.stiffness = Stiffness(s);
+      unit.damping = Damping(s);
+      unit.rest = {0, 0, s.rest_torsion_rad_per_m * s.unit_length_m, s.rest_extension, 0, 0};
     }
   }
   units_.back().mass_kg += parameters.tip_payload_kg;
@@ -81,26 +84,24 @@ void StrainedChain::MakeSpans(const BodyParameters& parameters) {
 }
 
 void StrainedChain::Advance(const StrainedUnit& unit, ConstVectorRef q, Vec& p, Mat& r) noexcept {
-  const Strains at = unit.At(q);
+  Advance(unit.length_m, unit.At(q), p, r);
+}
+
+void StrainedChain::Advance(double length_m, const Strains& at, Vec& p, Mat& r) noexcept {
   const StrainSeries k(at);
-  const double length = unit.length_m * (1 + at.e), c3w = k.c[3] * at.w;
-  p += Times(r, length * (k.c[2] * at.u - c3w * at.v), length * (k.c[2] * at.v + c3w * at.u),
-             length * (k.c[1] + c3w * at.w));
+  p += length_m * (r * Along(at.rotation(), at.shift(1), k.c[1], k.c[2], k.c[3]));
   r = Turn(r, at, k);
 }
 
 Pose StrainedChain::PoseWithin(int unit, ConstVectorRef q, double share) const noexcept {
-  StrainedUnit part = units_[static_cast<std::size_t>(unit)];
-  part.length_m *= share;
-  Strains at = part.At(q);
-  const double stretch = 1 + at.e;
-  part.length_m *= stretch;
-  part.coordinate = 0;
-  const Eigen::Vector4d strain(share * at.u, share * at.v, share * at.w, 0);
-  part.twists = part.stretches = true;
+  const StrainedUnit& whole = units_[static_cast<std::size_t>(unit)];
+  Strains part = whole.At(q);
+  part.u *= share;
+  part.v *= share;
+  part.w *= share;
   Vec p = kZero;
   Mat r = kIdentity;
-  Advance(part, strain, p, r);
+  Advance(share * whole.length_m, part, p, r);
   return ToPose(p, r);
 }
 
@@ -110,7 +111,7 @@ void StrainedChain::Place(ConstVectorRef q, Placed& placed) const noexcept {
     const StrainedUnit& unit = units_[i];
     const Strains at = unit.At(q);
     const StrainSeries k(at);
-    PlaceJoint(placed.r[i], unit.length_m, at, k, unit.twists, unit.stretches, placed.joints[i]);
+    PlaceJoint(placed.r[i], unit.length_m, at, k, placed.joints[i]);
     placed.r[i + 1] = Turn(placed.r[i], at, k);
   }
 }

@@ -1,7 +1,8 @@
-// The chain of units of constant strain: what a Body computes where a section twists or stretches or has
+// The chain of units of constant strain: what a Body computes where a section twists, stretches or shears or has
 // several units a disk. Functions, frames and units as in tendril/model/body.h. Knows nothing of motors.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -14,16 +15,17 @@ namespace tendril::model {
 /// Strains of the chain's units and the coordinates that carry them.
 struct StrainedUnit {
   double length_m = 0, mass_kg = 0, inertia_xx = 0, inertia_zz = 0;
-  bool twists = false, stretches = false;
-  int coordinate = 0;                        // of u in q; v, w and e follow where switched on
-  std::array<double, kStrains> stiffness{};  // N·m per rad, per 1 of e
+  std::array<int, kStrains> index{};         // of each strain in q; -1 where switched off
+  std::array<double, kStrains> stiffness{};  // N·m per rad, per 1 of e, sx and sy
   std::array<double, kStrains> damping{};    // N·m·s
   std::array<double, kStrains> rest{};
 
-  bool Has(int strain) const { return strain < 2 || (strain == 2 ? twists : stretches); }
-  int IndexOf(int strain) const { return coordinate + strain - (strain == 3 && !twists ? 1 : 0); }
+  bool Has(int strain) const { return IndexOf(strain) >= 0; }
+  int IndexOf(int strain) const { return index[static_cast<std::size_t>(strain)]; }
+  int end() const { return 1 + std::max({index[1], index[2], index[3], index[5]}); }  // of its part of q
+  double Value(ConstVectorRef q, int strain) const { return Has(strain) ? q[IndexOf(strain)] : 0; }
   Strains At(ConstVectorRef q) const {
-    return {q[coordinate], q[coordinate + 1], twists ? q[coordinate + 2] : 0, stretches ? q[IndexOf(3)] : 0};
+    return {q[index[0]], q[index[1]], Value(q, 2), Value(q, 3), Value(q, 4), Value(q, 5)};
   }
 };
 
@@ -119,6 +121,7 @@ class StrainedChain {
   void MakeSpans(const BodyParameters& parameters);
   void Place(ConstVectorRef q, Placed& placed) const noexcept;
   static void Advance(const StrainedUnit& unit, ConstVectorRef q, Vec& p, Mat& r) noexcept;
+  static void Advance(double length_m, const Strains& at, Vec& p, Mat& r) noexcept;
   const Holes& HolesOf(std::size_t span, int tendon) const {
     return holes_[span * static_cast<std::size_t>(tendons_) + static_cast<std::size_t>(tendon)];
   }

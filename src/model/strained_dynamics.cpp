@@ -56,11 +56,10 @@ void StrainedChain::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVe
     StrainJoint& j = b.joint;
     const Strains at = unit.At(q), rate = unit.At(dq), force = unit.At(force_Nm);
     const StrainSeries k(at);
-    PlaceJoint(r, unit.length_m, at, k, unit.twists, unit.stretches, j);
+    PlaceJoint(r, unit.length_m, at, k, j);
     Vec linear, angular;
-    RelativeBias(r, unit.length_m, at, rate, k, j, linear, angular);
-    const Vec dp = rate.u * j.jv[0] + rate.v * j.jv[1] + rate.w * j.jv[2] + rate.e * j.jv[3];
-    const Vec w_rel = rate.u * j.jw[0] + rate.v * j.jw[1] + rate.w * j.jw[2];
+    RelativeBias(r, unit.length_m, at, rate, k, linear, angular);
+    const Vec dp = j.Moving(rate), w_rel = j.Turning(rate);
     b.bias_v = Cross(w, Cross(w, j.p) + 2 * dp) + linear;
     b.bias_w = Cross(w, w_rel) + angular;
     w += w_rel;
@@ -81,10 +80,9 @@ void StrainedChain::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVe
     all.inertia.AddDiagonal(unit.inertia_xx);
     all.inertia.AddSquare(unit.inertia_zz - unit.inertia_xx, b.z);
     moment += b.n;
-    if (unit.stretches) Yield(3, all, f, moment, b);
-    if (unit.twists) Yield(2, all, f, moment, b);
-    Yield(1, all, f, moment, b);
-    Yield(0, all, f, moment, b);
+    for (int a = kStrains - 1; a >= 0; --a) {
+      if (unit.Has(a)) Yield(a, all, f, moment, b);
+    }
     if (i == 0) break;
     f += all.mass * b.bias_v + all.cross * b.bias_w;
     moment += all.cross.TransposeTimes(b.bias_v) + all.inertia * b.bias_w + Cross(b.joint.p, f);
@@ -97,10 +95,9 @@ void StrainedChain::ForwardDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVe
     const StrainedState& b = state[i];
     a += Cross(alpha, b.joint.p) + b.bias_v;
     alpha += b.bias_w;
-    Accelerate(0, b, a, alpha, ddq[unit.coordinate]);
-    Accelerate(1, b, a, alpha, ddq[unit.coordinate + 1]);
-    if (unit.twists) Accelerate(2, b, a, alpha, ddq[unit.coordinate + 2]);
-    if (unit.stretches) Accelerate(3, b, a, alpha, ddq[unit.IndexOf(3)]);
+    for (int c = 0; c < kStrains; ++c) {
+      if (unit.Has(c)) Accelerate(c, b, a, alpha, ddq[unit.IndexOf(c)]);
+    }
   }
 }
 
@@ -114,14 +111,12 @@ void StrainedChain::InverseDynamics(ConstVectorRef q, ConstVectorRef dq, ConstVe
     StrainJoint& j = state[i].joint;
     const Strains at = unit.At(q), rate = unit.At(dq), more = unit.At(ddq);
     const StrainSeries k(at);
-    PlaceJoint(r, unit.length_m, at, k, unit.twists, unit.stretches, j);
+    PlaceJoint(r, unit.length_m, at, k, j);
     Vec linear, angular;
-    RelativeBias(r, unit.length_m, at, rate, k, j, linear, angular);
-    const Vec dp = rate.u * j.jv[0] + rate.v * j.jv[1] + rate.w * j.jv[2] + rate.e * j.jv[3];
-    const Vec w_rel = rate.u * j.jw[0] + rate.v * j.jw[1] + rate.w * j.jw[2];
-    a += Cross(dw, j.p) + Cross(w, Cross(w, j.p) + 2 * dp) + linear + more.u * j.jv[0] + more.v * j.jv[1] +
-         more.w * j.jv[2] + more.e * j.jv[3];
-    dw += Cross(w, w_rel) + angular + more.u * j.jw[0] + more.v * j.jw[1] + more.w * j.jw[2];
+    RelativeBias(r, unit.length_m, at, rate, k, linear, angular);
+    const Vec dp = j.Moving(rate), w_rel = j.Turning(rate);
+    a += Cross(dw, j.p) + Cross(w, Cross(w, j.p) + 2 * dp) + linear + j.Moving(more);
+    dw += Cross(w, w_rel) + angular + j.Turning(more);
     w += w_rel;
     r = Turn(r, at, k);
     const double extra = unit.inertia_zz - unit.inertia_xx;
@@ -151,7 +146,7 @@ void StrainedChain::MassMatrix(ConstVectorRef q, MatrixRef mass, StrainedState* 
     const StrainedUnit& unit = units_[static_cast<std::size_t>(i)];
     const Strains at = unit.At(q);
     const StrainSeries k(at);
-    PlaceJoint(r, unit.length_m, at, k, unit.twists, unit.stretches, state[i].joint);
+    PlaceJoint(r, unit.length_m, at, k, state[i].joint);
     r = Turn(r, at, k);
     state[i].z = r.z;
   }
@@ -204,14 +199,13 @@ Energy StrainedChain::EnergyOf(ConstVectorRef q, ConstVectorRef dq) const noexce
   for (const StrainedUnit& unit : units_) {
     const Strains at = unit.At(q), rate = unit.At(dq);
     const StrainSeries k(at);
-    PlaceJoint(r, unit.length_m, at, k, unit.twists, unit.stretches, j);
-    velocity += Cross(w, j.p);
+    PlaceJoint(r, unit.length_m, at, k, j);
+    velocity += Cross(w, j.p) + j.Moving(rate);
     for (int a = 0; a < kStrains; ++a) {
-      velocity += rate[a] * j.jv[a];
       const double strained = at[a] - unit.rest[a];
       if (unit.Has(a)) energy.elastic += 0.5 * unit.stiffness[a] * strained * strained;
     }
-    for (int a = 0; a < kTurns; ++a) w += rate[a] * j.jw[a];
+    w += j.Turning(rate);
     p += j.p;
     r = Turn(r, at, k);
     const double spin = r.z.dot(w);

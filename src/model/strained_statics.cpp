@@ -111,9 +111,8 @@ void StrainedChain::AddTendons(const Placed& placed, std::size_t span, ConstVect
   Load pull;
   std::array<Vec, kStrains * kMaxUnits>
       across;  // d_a less its part along the line, by coordinate of the span
-  const int first = units_[static_cast<std::size_t>(s.first_unit)].coordinate;
-  const StrainedUnit& last = units_[end - 1];
-  const int count = last.IndexOf(last.stretches ? 3 : last.twists ? 2 : 1) + 1 - first;
+  const int first = units_[static_cast<std::size_t>(s.first_unit)].IndexOf(0);
+  const int count = units_[end - 1].end() - first;
   for (int t = s.first_tendon; t < tendons_; ++t) {
     const Line line = LineOf(placed, span, t);
     pull.Add(-tension_N[t] * line.direction, line.arm);

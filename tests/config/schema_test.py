@@ -75,8 +75,8 @@ def strained_robot():
     """The keys of a section that twists and stretches, by Poisson's ratio."""
     robot = full_robot()
     robot["body"]["sections"][0].update(
-        units_per_disk=2, disk_mass_kg=0.001, strains=["bending", "torsion", "extension"], poissons_ratio=0.3,
-        axial_stiffness_N=1e4, torsional_damping_Nms=1e-6, axial_damping_Nspm=1, rest_torsion_rad_per_m=1,
+        units_per_disk=2, disk_mass_kg=0.001, strains=["bending", "torsion", "extension", "shear"],
+        poissons_ratio=0.3, axial_stiffness_N=1e4, shear_damping_Nspm=1, torsional_damping_Nms=1e-6, axial_damping_Nspm=1, rest_torsion_rad_per_m=1,
         rest_extension=0.01)
     return robot
 
@@ -85,7 +85,7 @@ def strained_robot_by_stiffness():
     robot = strained_robot()
     section = robot["body"]["sections"][0]
     del section["poissons_ratio"]
-    section.update(torsional_stiffness_Nm2=1e-3)
+    section.update(torsional_stiffness_Nm2=1e-3, shear_stiffness_N=5e3)
     return robot
 
 

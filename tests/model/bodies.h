@@ -108,8 +108,9 @@ inline BodyParameters RandomStrained(unsigned seed) {
     s.bending_damping_Nms = random.Uniform(0, 3e-5);
     s.torsion = (seed + k) % 4 != 1;
     s.extension = (seed + k) % 4 != 2;
+    s.shear = (seed + k) % 2 == 0;
+    if (s.torsion || s.shear) s.poissons_ratio = 0.3;
     if (s.torsion) {
-      s.poissons_ratio = 0.3;
       s.torsional_damping_Nms = random.Uniform(0, 1e-5);
       s.rest_torsion_rad_per_m = random.Uniform(-10, 10);
     }
@@ -117,6 +118,10 @@ inline BodyParameters RandomStrained(unsigned seed) {
       s.axial_stiffness_N = random.Uniform(20, 200);  // a spring: soft enough to be seen
       s.axial_damping_Nspm = random.Uniform(0, 0.05);
       s.rest_extension = random.Uniform(-0.05, 0.05);
+    }
+    if (s.shear) {
+      s.shear_stiffness_N = random.Uniform(20, 200);
+      s.shear_damping_Nspm = random.Uniform(0, 0.05);
     }
     s.tendons = Around(3 + static_cast<int>(k), random.Uniform(0.003, 0.005), random.Uniform(0, 1));
     body.sections.push_back(s);

@@ -54,10 +54,9 @@ class StrainedBody : public testing::TestWithParam<unsigned> {
     VectorXd q(n);
     for (int i = 0; i < body.units(); ++i) {
       const int at = body.coordinate(i);
-      for (int a = 0; a < n - at; ++a) q[at + a] = random.Uniform(-1, 1);
-    }
-    for (int i = 0; i < body.units(); ++i) {
-      if (body.stretches(i)) q[body.coordinate(i) + (body.twists(i) ? 3 : 2)] *= 0.1;
+      const int turns = body.twists(i) ? 3 : 2;
+      const int others = (body.stretches(i) ? 1 : 0) + (body.shears(i) ? 2 : 0);
+      for (int a = 0; a < turns + others; ++a) q[at + a] = random.Uniform(-1, 1) * (a < turns ? 1 : 0.1);
     }
     return q * (k % 4 == 3 ? 1e-5 : scale);
   }
@@ -112,7 +111,7 @@ TEST_P(StrainedBody, ForwardUndoesInverse) {
 TEST_P(StrainedBody, PowerOfTheForcesIsTheChangeOfEnergyPlusWhatDampingTakes) {
   BodyParameters drawn = parameters;
   for (SectionParameters& s : drawn.sections)
-    s.bending_damping_Nms = s.torsional_damping_Nms = s.axial_damping_Nspm = 0;
+    s.bending_damping_Nms = s.torsional_damping_Nms = s.axial_damping_Nspm = s.shear_damping_Nspm = 0;
   const Body undamped(drawn);
   for (int k = 0; k < 4; ++k) {
     const VectorXd q = Shape(k), dq = random.Vector(n, -5, 5), force = random.Vector(n, -0.02, 0.02);
@@ -254,11 +253,12 @@ TEST_P(StrainedBody, AUnitsEndIsTheExponentialOfItsStrain) {
     body.Poses(q, poses);
     for (int s = 0; s < body.sections(); ++s) {
       for (int i = body.first_unit(s); i < body.end_unit(s); ++i) {
-        const Vector4d strain = body.StrainsOf(i, q);
+        const StrainVector strain = body.StrainsOf(i, q);
         Matrix4d xi = Matrix4d::Zero();
         const Vector3d phi(-strain[1], strain[0], strain[2]);
         xi.topLeftCorner<3, 3>() << 0, -phi[2], phi[1], phi[2], 0, -phi[0], -phi[1], phi[0], 0;
-        xi(2, 3) = parameters.sections[static_cast<std::size_t>(s)].unit_length_m * (1 + strain[3]);
+        xi.topRightCorner<3, 1>() = parameters.sections[static_cast<std::size_t>(s)].unit_length_m *
+                                    Vector3d(strain[4], strain[5], 1 + strain[3]);
         const Matrix4d half = (0.5 * xi).exp(), before = chain;
         chain = before * xi.exp();
         const Pose& end = poses[static_cast<std::size_t>(i)];
@@ -294,6 +294,8 @@ TEST_P(StrainedBody, NothingChangesWhenEverythingTurnsAboutZ) {
   for (int i = 0; i < body.units(); ++i) {
     const int at = body.coordinate(i);
     turn.block<2, 2>(at, at) = Eigen::Rotation2Dd(angle).toRotationMatrix();
+    const int shear = at + (body.twists(i) ? 3 : 2) + (body.stretches(i) ? 1 : 0);
+    if (body.shears(i)) turn.block<2, 2>(shear, shear) = turn.block<2, 2>(at, at);
   }
   for (int k = 0; k < 4; ++k) {
     const VectorXd q = Shape(k), dq = random.Vector(n, -10, 10), tension = random.Vector(m, 0, 8);
@@ -308,7 +310,7 @@ TEST_P(StrainedBody, NothingChangesWhenEverythingTurnsAboutZ) {
 TEST_P(StrainedBody, EnergyIsConservedInMotion) {
   BodyParameters drawn = parameters;
   for (SectionParameters& s : drawn.sections)
-    s.bending_damping_Nms = s.torsional_damping_Nms = s.axial_damping_Nspm = 0;
+    s.bending_damping_Nms = s.torsional_damping_Nms = s.axial_damping_Nspm = s.shear_damping_Nspm = 0;
   const Body free(drawn);
   const VectorXd start = Shape(0, 0.3), rest = VectorXd::Zero(n);
   TensionProfile profile;
@@ -444,6 +446,14 @@ TEST(StrainedLimits, ConstructionRefusesWhatMakesNoSense) {
   refuses([](SectionParameters& s) { s.poissons_ratio = 0.6; });
   refuses([](SectionParameters& s) { s.rest_extension = -1; });
   refuses([](SectionParameters& s) { s.torsional_damping_Nms = -1; });
+  refuses([](SectionParameters& s) {
+    s.shear = true;
+    s.poissons_ratio.reset();
+  });
+  refuses([](SectionParameters& s) {
+    s.shear = true;
+    s.shear_stiffness_N = 0;
+  });
   refuses([](SectionParameters& s) {
     s.torsion = false;
     s.rest_torsion_rad_per_m = 1;

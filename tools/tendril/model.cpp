@@ -18,11 +18,14 @@ io::CsvReader Stdin(Names required, std::vector<Names> optional) {
 Names StrainColumns(const model::Body& body, std::string_view prefix) {
   Names names;
   for (int i = 0; i < body.units(); ++i) {
-    const auto add = [&](char strain) { names.push_back(fmt::format("{}{}{}", prefix, strain, i + 1)); };
-    add('u');
-    add('v');
-    if (body.twists(i)) add('w');
-    if (body.stretches(i)) add('e');
+    const auto add = [&](std::string_view strain) { names.push_back(fmt::format("{}{}{}", prefix, strain, i + 1)); };
+    add("u");
+    add("v");
+    if (body.twists(i)) add("w");
+    if (body.stretches(i)) add("e");
+    if (!body.shears(i)) continue;
+    add("sx");
+    add("sy");
   }
   return names;
 }

@@ -70,7 +70,7 @@ void Frequencies(const RobotParameters& robot) {
 void AddModelStaticsCommands(CLI::App& model) {
   auto disks = std::make_shared<bool>(false);
   CLI::App* statics = AddModelEvaluation(model, "statics",
-                                         "T per tendon [and fx,fy,fz, mx,my,mz at the tip] -> u,v[,w][,e] "
+                                         "T per tendon [and fx,fy,fz, mx,my,mz at the tip] -> u,v[,w][,e][,sx,sy] "
                                          "per unit and tip x,y,z at the equilibrium "
                                          "on the branch from zero tension",
                                          [disks](const RobotParameters& robot) { Statics(robot, *disks); });
@@ -79,7 +79,8 @@ void AddModelStaticsCommands(CLI::App& model) {
   statics->footer(
       "fx,fy,fz [N] and mx,my,mz [N·m] act at the centre of the last disk and keep their direction in the "
       "base "
-      "frame.\nA backbone that twists has w and one that stretches e after each unit's u,v.");
+      "frame.\nAfter each unit's u,v comes w of a backbone that twists, e of one that stretches and sx,sy of one that "
+      "shears.");
   AddModelEvaluation(
       model, "frequencies",
       "T per tendon -> natural frequencies [Hz] about the equilibrium, ascending, without damping",

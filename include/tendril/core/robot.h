@@ -34,11 +34,14 @@ struct SectionParameters {
   double bending_damping_Nms = 0;      // N·m per rad/s, on (du, dv) of each unit
   bool torsion = false;                // strain w [rad], the angle of each unit about its backbone
   bool extension = false;              // strain e, each unit's change of length over unit_length_m
+  bool shear = false;                  // strains sx, sy, the sideways motion of each unit's end over unit_length_m
   std::optional<double> poissons_ratio{};         // of the backbone
   std::optional<double> torsional_stiffness_Nm2{};  // G J; without it that of a round rod of E and Poisson's ratio
   std::optional<double> axial_stiffness_N{};        // E A; without it that of a round rod
+  std::optional<double> shear_stiffness_N{};        // k G A; without it that of a round rod of E and Poisson's ratio
   double torsional_damping_Nms = 0;    // N·m per rad/s, on dw of each unit
   double axial_damping_Nspm = 0;       // N per m/s, on each unit's change of length
+  double shear_damping_Nspm = 0;       // N per m/s, on each unit's sideways motion
   double rest_torsion_rad_per_m = 0;   // twist in which the backbone is free of stress
   double rest_extension = 0;           // extension in which it is
   std::vector<TendonRoute> tendons;    // at least 1
@@ -49,6 +52,9 @@ struct SectionParameters {
   double UnitTorsionalStiffness() const;
   /// Axial stiffness of one unit, EA l [N·m]: the energy is half of it times e².
   double UnitAxialStiffness() const;
+  /// Stiffness of one unit sideways [N·m]: the energy is half of it times sx² + sy². Shear in series with the bending
+  /// that one constant bend leaves out, l² / (12 EI) (MacNeal, 1978). Needs shear_stiffness_N or poissons_ratio.
+  double UnitShearStiffness() const;
   bool EndsAtDisk(int unit_of_section) const { return (unit_of_section + 1) % units_per_disk == 0; }
   /// Mass lumped at the end of a unit (0-based within the section) and its inertia there: the disk's, or that of
   /// the unit's piece of backbone, a round rod, where there is no disk.

@@ -2,9 +2,10 @@
 // Pure maths: no I/O, no exceptions after construction, no allocation outside constructors. Knows nothing of
 // motors.
 //
-// q = (u_1, v_1[, w_1][, e_1], ..., u_N, v_N[, w_N][, e_N]): of each unit the bend (u, v) = theta (cos beta,
-// sin beta) [rad] and, where its section has them, torsion w [rad] about its backbone and extension e, its
-// change of length over unit_length_m; F_0 is the base frame. Forces on e are in N·m like those on angles.
+// q = (u_1, v_1[, w_1][, e_1][, sx_1, sy_1], u_2, ...): of each unit the bend (u, v) = theta (cos beta, sin beta)
+// [rad] and, where its section has them, torsion w [rad] about its backbone, extension e and shear (sx, sy), the
+// motion of its end along and across it over unit_length_m; F_0 is the base frame. Forces on e, sx and sy are in
+// N·m like those on angles.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,6 +20,8 @@ namespace tendril::model {
 using ConstVectorRef = const Eigen::Ref<const Eigen::VectorXd>&;
 using VectorRef = Eigen::Ref<Eigen::VectorXd>;
 using MatrixRef = Eigen::Ref<Eigen::MatrixXd>;
+/// (u, v, w, e, sx, sy) of one unit.
+using StrainVector = Eigen::Matrix<double, 6, 1>;
 
 /// Pose of frame A in frame W.
 struct Pose {
@@ -59,12 +62,13 @@ class Body {
   /// Whether q = (u_1, v_1, ..., u_N, v_N) and every unit ends at a disk. What only a body of this kind can
   /// do says so.
   bool bends_only() const { return strained_ == nullptr; }
-  /// Index in q of a unit's u; v follows, then w and e where the unit has them.
+  /// Index in q of a unit's u; v follows, then w, e and (sx, sy) where the unit has them.
   int coordinate(int unit) const { return strained_ ? coordinate_[unit] : 2 * unit; }
   bool twists(int unit) const { return SectionOf(unit).torsion; }
   bool stretches(int unit) const { return SectionOf(unit).extension; }
-  /// (u, v, w, e) of a unit; 0 where it does not have a strain.
-  Eigen::Vector4d StrainsOf(int unit, ConstVectorRef q) const;
+  bool shears(int unit) const { return SectionOf(unit).shear; }
+  /// Those of a unit; 0 where it does not have a strain.
+  StrainVector StrainsOf(int unit, ConstVectorRef q) const;
   /// Disks, D; D = N where every unit ends at one.
   int disks() const { return static_cast<int>(disk_unit_.size()); }
   /// Unit (0-based) that ends at a disk (0-based).
@@ -162,9 +166,8 @@ class Body {
                  VectorRef force_Nm) const noexcept;
   Energy EnergyOf(ConstVectorRef q, ConstVectorRef dq, Workspace& workspace) const noexcept;
 
-  // ---- constant curvature over sections: all units of a section share its bend equally; torsion and
-  // extension,
-  //      where there are any, stay at rest ----
+  // ---- constant curvature over sections: all units of a section share its bend equally; other strains stay at
+  //      rest ----
 
   /// q of the arc shape: u_i = us_k / n_k; us_vs has 2K entries.
   void SpreadBending(ConstVectorRef us_vs, VectorRef q) const noexcept;

@@ -3,7 +3,7 @@ takes two minutes. `make_rod_goldens.py FILE...` writes these alone.
 
 The robots are config/robots/rod_5disks.yaml and tests/support/robots/rod_two_sections.yaml, whose numbers are repeated
 here: nothing of the program is read. Files that end in _bends have neither torsion, extension nor shear, those that end
-in _shears have all of them, the others torsion and extension.
+in _shears or _frequencies have all of them, the others torsion and extension.
 """
 
 import math
@@ -135,7 +135,7 @@ def main(wanted):
     for which, (robot, cases) in ROBOTS.items():
         for end, strains in STRAINS.items():
             files[f"rod_{which}{end}.csv"] = (statics, robot(*strains), cases)
-        files[f"rod_{which}_frequencies.csv"] = (frequencies, robot(*STRAINS[""]), PULLS[which])
+        files[f"rod_{which}_frequencies.csv"] = (frequencies, robot(*STRAINS["_shears"]), PULLS[which])
     for name in wanted or files:
         if name not in files:
             sys.exit(f"no file '{name}'; there are {', '.join(files)}")
