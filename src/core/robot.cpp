@@ -28,6 +28,14 @@ double BodyParameters::length_m() const {
   return l;
 }
 
+double BodyParameters::largest_hole_m() const {
+  double radius_m = 0;
+  for (const SectionParameters& section : sections) {
+    for (const TendonRoute& tendon : section.tendons) radius_m = std::max(radius_m, tendon.radius_m);
+  }
+  return radius_m;
+}
+
 UnitDeviation& BodyParameters::DeviationOf(int unit) {
   const auto at = std::lower_bound(unit_deviations.begin(), unit_deviations.end(), unit,
                                    [](const UnitDeviation& d, int number) { return d.unit < number; });

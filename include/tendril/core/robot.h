@@ -19,17 +19,18 @@ struct TendonRoute {
   double radius_m = 0;
 };
 
-/// `units` equal constant-curvature units; its tendons end at its last disk and pass through earlier sections.
+/// `units` equal constant-curvature units; its tendons end at its last disk and pass through earlier
+/// sections.
 struct SectionParameters {
   int units = 0;
   double unit_length_m = 0;
-  double unit_mass_kg = 0;             // lumped at the unit's disk
-  double disk_inertia_xx_kgm2 = 0;     // about the disk's x and y
-  double disk_inertia_zz_kgm2 = 0;     // about the disk's z
+  double unit_mass_kg = 0;          // lumped at the unit's disk
+  double disk_inertia_xx_kgm2 = 0;  // about the disk's x and y
+  double disk_inertia_zz_kgm2 = 0;  // about the disk's z
   double youngs_modulus_Pa = 0;
-  double core_radius_m = 0;            // backbone core; I = pi r^4 / 4
-  double bending_damping_Nms = 0;      // N·m per rad/s, on (du, dv) of each unit
-  std::vector<TendonRoute> tendons;    // at least 1
+  double core_radius_m = 0;          // backbone core; I = pi r^4 / 4
+  double bending_damping_Nms = 0;    // N·m per rad/s, on (du, dv) of each unit
+  std::vector<TendonRoute> tendons;  // at least 1
 
   /// Bending stiffness of one unit, EI / l [N·m/rad].
   double UnitStiffness() const;
@@ -37,23 +38,25 @@ struct SectionParameters {
 
 /// What one unit has that its section's numbers do not say.
 struct UnitDeviation {
-  int unit = 0;                        // along the whole robot, from 1
-  double stiffness_scale = 1;          // of the bending stiffness EI / l
-  double rest_u_rad = 0;               // bend (u, v) in which the backbone is free of stress
+  int unit = 0;                // along the whole robot, from 1
+  double stiffness_scale = 1;  // of the bending stiffness EI / l
+  double rest_u_rad = 0;       // bend (u, v) in which the backbone is free of stress
   double rest_v_rad = 0;
 };
 
 struct BodyParameters {
-  std::vector<SectionParameters> sections;  // 1..kMaxSections, base first
+  std::vector<SectionParameters> sections;      // 1..kMaxSections, base first
   Eigen::Vector3d gravity_W_mps2{0, 0, -9.81};  // in F_0; the straight robot points along +z of F_0
-  double tip_payload_kg = 0;           // point mass at the centre of the last disk
-  Eigen::Vector3d tip_force_W_N{0, 0, 0};  // constant in F_0, at the centre of the last disk
-  double twist_rad_per_m = 0;          // a disk's holes are turned about its z by this times its arc length
+  double tip_payload_kg = 0;                    // point mass at the centre of the last disk
+  Eigen::Vector3d tip_force_W_N{0, 0, 0};       // constant in F_0, at the centre of the last disk
+  double twist_rad_per_m = 0;  // a disk's holes are turned about its z by this times its arc length
   std::vector<UnitDeviation> unit_deviations;  // at most one a unit
 
   int units() const;
   int tendons() const;
   double length_m() const;
+  /// Distance of the outermost tendon hole from the axis.
+  double largest_hole_m() const;
   /// The deviation of unit 1..units(), entered as none where there is none yet.
   UnitDeviation& DeviationOf(int unit);
 };
@@ -62,24 +65,24 @@ struct MotorParameters {
   double torque_constant_NmpA = 0;
   double nominal_current_A = 0;
   double rotor_inertia_kgm2 = 0;
-  double coulomb_friction_Nm = 0;      // at the motor shaft
-  double coulomb_angle_rad = 0;        // Dahl pre-sliding angle: zeta' = (w - |w| zeta) / angle
-  double coulomb_damping_Nms = 0;      // micro-damping on zeta' (torque = coulomb * zeta + this * zeta')
+  double coulomb_friction_Nm = 0;  // at the motor shaft
+  double coulomb_angle_rad = 0;    // Dahl pre-sliding angle: zeta' = (w - |w| zeta) / angle
+  double coulomb_damping_Nms = 0;  // micro-damping on zeta' (torque = coulomb * zeta + this * zeta')
   double viscous_friction_Nms = 0;
-  double torque_lag_s = 0;             // first-order torque loop
-  double torque_scale = 1;             // real shaft torque over current x torque_constant_NmpA
+  double torque_lag_s = 0;  // first-order torque loop
+  double torque_scale = 1;  // real shaft torque over current x torque_constant_NmpA
 };
 
 struct DriveParameters {
-  double rated_torque_Nm = 0;          // object 0x6076; torque on the bus is per mille of it
-  double current_limit_A = 0;          // object 0x3001:02
-  int encoder_counts_per_turn = 0;     // of the motor shaft, as 0x6064 counts them
+  double rated_torque_Nm = 0;               // object 0x6076; torque on the bus is per mille of it
+  double current_limit_A = 0;               // object 0x3001:02
+  int encoder_counts_per_turn = 0;          // of the motor shaft, as 0x6064 counts them
   double actual_torque_noise_permille = 0;  // rms, of the reported actual torque
 };
 
 struct GearParameters {
-  double ratio = 0;                    // motor turns per spool turn
-  double efficiency = 0;               // driving; 1/efficiency when back-driven
+  double ratio = 0;                           // motor turns per spool turn
+  double efficiency = 0;                      // driving; 1/efficiency when back-driven
   std::vector<double> presliding_yields_rad;  // stop operators of the motor angle that switch the direction
 };
 
@@ -88,9 +91,9 @@ struct SpoolParameters {
 };
 
 struct TendonParameters {
-  double stiffness_Npm = 0;            // of the whole tendon, spool to end
+  double stiffness_Npm = 0;  // of the whole tendon, spool to end
   double damping_Nspm = 0;
-  double free_length_m = 0;            // from spool to the robot's base
+  double free_length_m = 0;  // from spool to the robot's base
 };
 
 enum class CapstanLaw {
@@ -103,16 +106,16 @@ enum class CapstanLaw {
 struct PulleyParameters {
   CapstanLaw law = CapstanLaw::kCumulative;
   double wrap_rad = 0;
-  double radius_ratio = 0;             // rho = pulley radius / tendon radius
-  double alpha = 0;                    // friction coefficient, N^(1-n)
-  double exponent = 1;                 // n, 0 < n <= 1
-  double entry_angle_rad = 0;          // phi_1
+  double radius_ratio = 0;     // rho = pulley radius / tendon radius
+  double alpha = 0;            // friction coefficient, N^(1-n)
+  double exponent = 1;         // n, 0 < n <= 1
+  double entry_angle_rad = 0;  // phi_1
 };
 
 struct TransmissionParameters {
-  std::vector<PulleyParameters> pulleys;    // from the base (low-tension side under pull) towards the motor
-  double presliding_m = 0;                  // sliding displacement over which friction builds up
-  double low_tension_N = 0.05;              // below: F continued by the constant ratio F(low)/low
+  std::vector<PulleyParameters> pulleys;  // from the base (low-tension side under pull) towards the motor
+  double presliding_m = 0;                // sliding displacement over which friction builds up
+  double low_tension_N = 0.05;            // below: F continued by the constant ratio F(low)/low
   /// Load-independent friction of the pulleys, on the robot's side: T_base = F^-1(T_motor) - this when the
   /// motor pulls, F(T_motor) + this when it pays out.
   double coulomb_N = 0;
@@ -123,16 +126,16 @@ enum class LoadCellPlace { kNone, kMotorSide, kRobotSide };
 struct LoadCellParameters {
   LoadCellPlace place = LoadCellPlace::kNone;
   double gain_VpN = 0;
-  double resolution_V = 0;             // one step of the drive's analog input
-  double noise_N = 0;                  // rms
-  double offset_N = 0;                 // reading = gain x (tension + offset)
+  double resolution_V = 0;  // one step of the drive's analog input
+  double noise_N = 0;       // rms
+  double offset_N = 0;      // reading = gain x (tension + offset)
 };
 
 struct TrackerParameters {
   double rate_Hz = 0;
-  double position_noise_m = 0;         // rms per axis
-  double orientation_noise_rad = 0;    // rms per axis of the rotation vector
-  double delay_s = 0;                  // from the measurement to the time stamp of its reading
+  double position_noise_m = 0;       // rms per axis
+  double orientation_noise_rad = 0;  // rms per axis of the rotation vector
+  double delay_s = 0;                // from the measurement to the time stamp of its reading
 };
 
 /// Everything between one drive and one tendon's entry into the robot.
@@ -144,17 +147,17 @@ struct TendonDriveParameters {
   TendonParameters tendon;
   TransmissionParameters transmission;
   LoadCellParameters load_cell;
-  int node_id = 0;                     // CANopen node of the drive, 1..127
+  int node_id = 0;  // CANopen node of the drive, 1..127
 
   /// Tendon pull per motor angle [m/rad].
   double SpoolTravelPerMotorRad() const { return spool.radius_m / gear.ratio; }
 };
 
 struct LimitParameters {
-  double min_tension_N = 0;            // at the base: pretension and the allocation's lower bound
+  double min_tension_N = 0;  // at the base: pretension and the allocation's lower bound
   double max_tension_base_N = 0;
   double max_tension_motor_N = 0;
-  double max_bending_rad = 0;          // |(us, vs)| of each section
+  double max_bending_rad = 0;  // |(us, vs)| of each section
 };
 
 struct ActuationParameters {
@@ -162,11 +165,11 @@ struct ActuationParameters {
   std::optional<TrackerParameters> tracker;
 };
 
-/// An effect that this robot has beyond the nominal model (the list `effects` of a robot file): by name, with its
-/// parameters. What it means is the simulator's business (sim/effects.h); a controller does not use it.
+/// An effect that this robot has beyond the nominal model (the list `effects` of a robot file): by name, with
+/// its parameters. What it means is the simulator's business (sim/effects.h); a controller does not use it.
 struct EffectSetting {
-  std::string name;                              // "backlash"
-  std::string where = "all";                     // all, tendon:j, unit:i or section:k, from 1
+  std::string name;                                    // "backlash"
+  std::string where = "all";                           // all, tendon:j, unit:i or section:k, from 1
   std::vector<std::pair<std::string, double>> values;  // by parameter, SI
   bool operator==(const EffectSetting&) const = default;
 };
@@ -177,9 +180,9 @@ struct RobotParameters {
   LimitParameters limits;
   std::optional<ActuationParameters> actuation;  // absent: a body alone, good for `tendril model`
   std::vector<EffectSetting> effects;
-  /// How well numbers are known, by key as in error messages ("body.sections[1].youngs_modulus_Pa"); only what the
-  /// file says. A tendon's own ("actuation.per_tendon.2.motor.torque_constant_NmpA") goes before that of all
-  /// tendons ("actuation.motor.torque_constant_NmpA"). No part of what the robot is.
+  /// How well numbers are known, by key as in error messages ("body.sections[1].youngs_modulus_Pa"); only
+  /// what the file says. A tendon's own ("actuation.per_tendon.2.motor.torque_constant_NmpA") goes before
+  /// that of all tendons ("actuation.motor.torque_constant_NmpA"). No part of what the robot is.
   std::map<std::string, Uncertainty> uncertain;
 };
 
