@@ -49,6 +49,17 @@ def stop_signals() -> list[signal.Signals]:
     return [signal.SIGINT, signal.SIGTERM] + ([] if ignored else [signal.SIGHUP])
 
 
+def add_duration(parser: argparse.ArgumentParser, since: str) -> None:
+    """--duration, in seconds since something."""
+    parser.add_argument(
+        "--duration",
+        type=number(0, 1e6, "s"),
+        default=0.0,
+        metavar="S",
+        help=f"end this long after {since}; 0: on Ctrl-C (%(default)g)",
+    )
+
+
 def add_lcm_options(parser: argparse.ArgumentParser) -> None:
     """--lcm and --prefix."""
     parser.add_argument(

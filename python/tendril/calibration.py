@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 
 from . import _core
 from ._arrays import Array, whole
-from .data_set import DataSet, Path, as_set
+from .data_set import DataSet, Path, checked_set
 from .report import _made
 from .simulation import Progress
 
@@ -109,9 +108,7 @@ def calibrate(
         tendril.Error: nothing can be compared, or the file takes every number as exact.
     """
     seed, threads = whole("seed", seed, 0, 2**64 - 1), whole("threads", threads, 0, 256)
-    runs = as_set(robot, data, same_robot)
-    for line in runs._core.errors():
-        warnings.warn(line, stacklevel=2)
+    runs = checked_set(robot, data, same_robot)
     found = _core.calibrate(runs._core, seed, threads, progress)
     values = json.loads(found.json())
     del values["robot"]  # its name, where this has the robot itself

@@ -7,13 +7,14 @@ import os
 import pathlib
 import re
 import tempfile
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from . import _core
 from ._arrays import file_name, flag, text
 from ._core import Robot, Run
-from .errors import ConfigError, Error
+from .errors import ConfigError, Error, install
 
 if TYPE_CHECKING:
     import pandas
@@ -197,6 +198,17 @@ def as_set(robot: Robot | Path, data: Any, same_robot: bool = False) -> DataSet:
     raise ValueError(f"data is {type(data).__name__}; give a DataSet, paths, or pandas tables")
 
 
+def checked_set(robot: Robot | Path, data: Any, same_robot: bool, before: Any = None) -> DataSet:
+    """The same for a function of the package, at whose caller what makes the data doubtful is warned of. `before`: runs
+    from before a change, or None."""
+    runs = as_set(robot, data, same_robot)
+    if before is not None:
+        runs = runs.with_before(as_set(robot, before, same_robot))
+    for line in runs._core.errors():
+        warnings.warn(line, stacklevel=3)
+    return runs
+
+
 @contextlib.contextmanager
 def _robot_file(robot: Robot | Path | None) -> Iterator[str]:
     if not isinstance(robot, Robot):
@@ -222,7 +234,7 @@ def _pandas() -> Any:
     try:
         import pandas
     except ImportError:
-        raise ImportError("tables need pandas; install it: pip install pandas (or 'tendril[data]')") from None
+        raise ImportError(f"tables need pandas; install it: {install('data')}") from None
     return pandas
 
 

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
 from . import _core
 from ._arrays import file_name, flag, number, whole
-from .data_set import DataSet, Path, as_set
+from .data_set import DataSet, Path, checked_set
 from .effects import effect_texts
 from .report import Report
 from .simulation import Progress
@@ -60,11 +59,7 @@ def diagnose(
     seed = whole("seed", seed, 0, 2**64 - 1)
     refits, threads = whole("refits", refits, 1, 200), whole("threads", threads, 0, 256)
     next = flag("next", next)
-    runs = as_set(robot, data, same_robot)
-    if before is not None:
-        runs = runs.with_before(as_set(robot, before, same_robot))
-    for line in runs._core.errors():
-        warnings.warn(line, stacklevel=2)
+    runs = checked_set(robot, data, same_robot, before)
     diagnosis = _core.diagnose(
         runs._core,
         materiality("delta_N", delta_N),

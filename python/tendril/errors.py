@@ -47,3 +47,8 @@ class ModelError(Error):
 
 class DaemonError(Error):
     """No daemon answers, or it refuses; the text has reason and remedy."""
+
+
+def install(extra: str) -> str:
+    """How to install an extra of this package, which is in no registry."""
+    return f"pip install './python[{extra}]' in the checkout"

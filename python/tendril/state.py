@@ -13,6 +13,9 @@ from .messages import state_t
 DRIVES_OFF = (state_t.MODE_DISCONNECTED, state_t.MODE_CONFIGURED, state_t.MODE_FAULT)
 """Modes in which no drive pulls."""
 
+FIRST_FAULT = 400
+"""Status numbers from here on are faults; 0 is none."""
+
 _Message = TypeVar("_Message")
 
 

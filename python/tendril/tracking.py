@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from . import _core
 from ._arrays import whole
-from .data_set import DataSet, Path, as_set
+from .data_set import DataSet, Path, checked_set
 from .diagnosis import materiality
 from .report import _made
 from .simulation import Progress
@@ -91,9 +90,7 @@ def track(
         tendril.Error: nothing can be compared.
     """
     seed, threads = whole("seed", seed, 0, 2**64 - 1), whole("threads", threads, 0, 256)
-    runs = as_set(robot, data, same_robot)
-    for line in runs._core.errors():
-        warnings.warn(line, stacklevel=2)
+    runs = checked_set(robot, data, same_robot)
     text = _core.track(
         runs._core,
         materiality("delta_N", delta_N),

@@ -1,5 +1,6 @@
 """The live bridge: who may read along, and that what comes over LCM arrives as it was sent."""
 
+import contextlib
 import json
 import socket
 import struct
@@ -17,7 +18,7 @@ from websockets.exceptions import InvalidStatus
 from log_help import Reader, every_kind, fields, plain
 
 from tendril.serve.bridge import Bridge
-from tendril.serve.guard import Admission, Guard, ServeError, hidden_address
+from tendril.serve.guard import MOST_VIEWERS, Admission, Guard, ServeError, hidden_address
 
 PROTOCOL = "foxglove.sdk.v1"
 
@@ -133,7 +134,7 @@ def test_what_comes_over_lcm_arrives_as_it_was_sent(served):
         given, sent, seen = every_kind(3, seed=5), {}, threading.Event()
 
         def keep_publishing():
-            """Again and again, a second later each time: from when on a subscription acts is not told."""
+            """Again and again, a second later each time: when a subscription takes effect is not signalled."""
             while not seen.wait(0.3):
                 for _, message in given:
                     message.utime += 10**6
@@ -185,6 +186,15 @@ def test_a_flood_of_other_bytes_is_left_out(served):
     with viewer(port) as page:
         publish(connection, [("STATE", b"\x00" * n) for n in range(300)] + every_kind(1))
         advertised(page, {"/TENDRIL/state"})
+
+
+def test_connections_that_ask_for_nothing_keep_no_viewer_out(served):
+    _, port, *_ = served
+    with contextlib.ExitStack() as silent:
+        for _ in range(MOST_VIEWERS + 1):
+            silent.enter_context(socket.create_connection(("127.0.0.1", port)))
+        with viewer(port) as page:
+            assert json.loads(page.recv(timeout=20))["op"] == "serverInfo"
 
 
 def test_a_port_in_use_is_one_line(served):

@@ -10,6 +10,7 @@ import re
 import shutil
 import subprocess
 import sys
+import time
 import types
 import xml.etree.ElementTree
 
@@ -63,6 +64,7 @@ def watched(days):
     )
     assert (status, err) == (0, ""), err
     assert "accepted as of 2026-11-01" in out
+    shutil.copy(db, days / "accepted.db")
     return db
 
 
@@ -139,6 +141,12 @@ def test_history_has_every_number_of_every_entry(alarmed):
     assert float(kept[0]["value"]) == last[0]["value"]
 
 
+def settle(folder):
+    """As though nothing had been written there for an hour."""
+    for file in folder.rglob("*"):
+        os.utime(file, (time.time() - 3600,) * 2)
+
+
 def test_each_enters_what_is_new_in_order_and_leaves_out_what_cannot_be_read(days, watched, tmp_path):
     db, inbox = tmp_path / "watch.db", tmp_path / "inbox"
     with Store(str(watched), "ro") as store:
@@ -148,6 +156,12 @@ def test_each_enters_what_is_new_in_order_and_leaves_out_what_cannot_be_read(day
     shutil.copytree(days / "same", inbox / "2026-11-05")
     (inbox / "2026-11-04").mkdir()
     words = ["watch", "--db", db, "--robot", ROBOT, "--each", "--no-cause", inbox]
+    later = time.time() + 1
+    for file in (inbox / "2026-11-05").iterdir():
+        os.utime(file, (later - 5,) * 2)
+    status, out, err = run(*words)
+    assert status == 1 and "2026-11-05: written" in err and "left for the next time" in err, err
+    settle(inbox)
     status, out, err = run(*words)
     assert (
         status == 1 and err.count("\n") >= 1 and "2026-11-04" in err and "on 2026-11-05: as accepted" in out
@@ -156,7 +170,9 @@ def test_each_enters_what_is_new_in_order_and_leaves_out_what_cannot_be_read(day
     assert run(*words) == (0, "robot 'rig_60mm': nothing new\n", "")
 
 
-def test_an_alarm_is_told_until_the_robot_is_accepted_and_then_not_entered_again(alarmed, days, tmp_path):
+def test_an_alarm_stands_until_the_robot_is_accepted_and_its_runs_are_not_entered_again(
+    alarmed, days, tmp_path
+):
     db, inbox = tmp_path / "watch.db", tmp_path / "inbox"
     shutil.copy(alarmed[0], db)
     inbox.mkdir()
@@ -168,6 +184,7 @@ def test_an_alarm_is_told_until_the_robot_is_accepted_and_then_not_entered_again
     # On the day of the alarm the robot is mended and accepted: its broken runs of that day are no new entry.
     broken = inbox / "2026-11-03_broken"
     shutil.copytree(days / "changed", broken)
+    settle(broken)
     with Store(str(db)) as store:
         state = store.accepted("rig_60mm")[-1]
         last = store.days(state)[-1]
@@ -177,10 +194,25 @@ def test_an_alarm_is_told_until_the_robot_is_accepted_and_then_not_entered_again
     assert run(*words) == (0, "robot 'rig_60mm': nothing new\n", "")
 
 
-def test_an_alarm_that_later_days_explain_is_still_told(alarmed):
+def test_an_alarm_that_later_days_explain_is_still_reported(alarmed):
     with Store(str(alarmed[0]), "ro") as store:
         entry = store.days(store.accepted("rig_60mm")[-1])[-1]
     assert entry.finding["alarm"] and "the days entered since explain it" in text.sentence(entry, [])
+
+
+def test_an_alarm_is_kept_though_its_diagnosis_is_cut_off(watched, days, tmp_path, monkeypatch):
+    db = tmp_path / "watch.db"
+    shutil.copy(days / "accepted.db", db)
+
+    def cut_off(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(program.day, "name_cause", cut_off)
+    words = ["watch", "--db", db, "--robot", ROBOT, "--at", "2026-11-07", "--out", tmp_path / "out"]
+    assert run(*words, days / "changed")[0] == 130
+    with Store(str(db), "ro") as store:
+        last = store.days(store.accepted("rig_60mm")[-1])[-1]
+    assert last.finding["alarm"] and last.finding["cause"] is None
 
 
 def test_another_robot_file_is_not_compared(watched, days, tmp_path):

@@ -1,4 +1,4 @@
-"""The node: publishes what the daemon tells, and commands it through its gate.
+"""The node: republishes the daemon's state, and commands the daemon through its gate.
 
 Whoever arms through this node is in control until the drives are off, or until it ends: closed, interrupted or
 terminated, it disarms by `tendril.Client`; killed or hung, by the guard, a process of its own. Targets are passed on
@@ -26,7 +26,7 @@ from std_msgs.msg import Float64MultiArray, Header
 from std_srvs.srv import Trigger
 from tendril.dashboard.guard import Guard
 from tendril.messages import state_t
-from tendril.state import DRIVES_OFF
+from tendril.state import DRIVES_OFF, FIRST_FAULT
 
 from . import conversions
 
@@ -93,7 +93,7 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
         ):
             self.create_subscription(kind, name, receive, NEWEST, callback_group=targets)
 
-    # ---- what the daemon tells ----
+    # ---- from the daemon ----
 
     def publish(self) -> None:
         """The newest state on all topics; nothing while no daemon answers."""
@@ -120,7 +120,7 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
         ):
             if message is not None:
                 publisher.publish(message)
-        self._tell_refusals(state)
+        self._log_refusals(state)
 
     def diagnose(self) -> None:
         """The daemon's health, and its events as lines of the log."""
@@ -140,12 +140,13 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
             self._model = None  # what answers next may be another robot
             message.status = [conversions.silent(str(error))]
         self._diagnostics.publish(message)
+        self._renew_model()
         for event in self._client.events():
             self._log(event.status, f"{event.source}: {event.text}")
 
     def _log(self, status: int, line: str) -> None:
         """A line each: rclpy refuses a place in the source that changes its severity."""
-        if status >= 400:
+        if status >= FIRST_FAULT:
             self.get_logger().error(line)
         elif status:
             self.get_logger().warning(line)
@@ -162,7 +163,14 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
             self._model = tendril.Model(self._client.robot(timeout=0.0))
         return self._model if fits() else None
 
-    def _tell_refusals(self, state: tendril.State) -> None:
+    def _renew_model(self) -> None:
+        """Another robot may have as many sections as the one before."""
+        with contextlib.suppress(tendril.Error):
+            robot = self._client.robot(timeout=0.0)
+            if self._model is not None and robot.to_yaml() != self._model.robot.to_yaml():
+                self._model = tendril.Model(robot)
+
+    def _log_refusals(self, state: tendril.State) -> None:
         """Targets are sent without waiting for an answer: refusals show in the state."""
         before, self._refused = self._refused, state.commands_refused
         if before is not None and state.commands_refused > before and self._armed and state.command_status:
@@ -187,7 +195,7 @@ class Bridge(Node):  # type: ignore[misc, unused-ignore]
                 self._guard.start()
 
     def _follow(self, state: tendril.State) -> None:
-        """Nobody is in control of drives that are off, whoever switched them off."""
+        """Drives that are off are under no control, whoever switched them off."""
         with self._lock:
             if state.mode in DRIVES_OFF and not self._arming and time.monotonic() > self._shows_at:
                 self._ours = self._armed = False

@@ -1,4 +1,4 @@
-"""What a daemon tells, as ROS messages. Knows no node, and nothing of LCM."""
+"""What a daemon publishes, as ROS messages. Knows no node, and nothing of LCM."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from geometry_msgs.msg import PointStamped, PoseStamped
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
+from tendril.state import FIRST_FAULT
 
 Array = NDArray[np.float64]
 
@@ -72,9 +73,9 @@ def silent(why: str) -> DiagnosticStatus:
 
 
 def robot_status(state: tendril.State) -> DiagnosticStatus:
-    """Mode, and the most severe status with its remedy: from 400 on a fault, any other a limit that acts."""
+    """Mode, and the most severe status with its remedy: from FIRST_FAULT on a fault, any other a limit that acts."""
     level = DiagnosticStatus.OK if state.status == 0 else DiagnosticStatus.WARN
-    if state.faulted or state.status >= 400:
+    if state.faulted or state.status >= FIRST_FAULT:
         level = DiagnosticStatus.ERROR
     text = state.mode_text if state.status == 0 else f"{state.mode_text}: {state.status_text}. {state.status_remedy}"
     values = {

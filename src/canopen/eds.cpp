@@ -15,6 +15,8 @@
 #include <utility>
 #include <vector>
 
+#include "tendril/core/plain_text.h"
+
 namespace tendril::canopen {
 namespace {
 
@@ -37,13 +39,8 @@ std::string_view Trim(std::string_view text) {
   return text;
 }
 
-/// Text of the file as a message may show it: short, and of printable ASCII only.
-std::string Shown(std::string_view text) {
-  constexpr std::size_t kMost = 40;
-  std::string shown(text.substr(0, kMost));
-  for (char& c : shown) c = c < ' ' || c > '~' ? '?' : c;
-  return text.size() > kMost ? shown + "..." : shown;
-}
+/// Text of the file as a message may show it.
+std::string Shown(std::string_view text) { return PlainText(text, 40); }
 
 // ---- lines to sections --------------------------------------------------------------------------
 

@@ -66,6 +66,14 @@ double BodyParameters::length_m() const {
   return l;
 }
 
+double BodyParameters::largest_hole_m() const {
+  double radius_m = 0;
+  for (const SectionParameters& section : sections) {
+    for (const TendonRoute& tendon : section.tendons) radius_m = std::max(radius_m, tendon.radius_m);
+  }
+  return radius_m;
+}
+
 double BodyParameters::mass_kg() const {
   double m = tip_payload_kg;
   for (const auto& s : sections) m += s.units * s.unit_mass_kg + s.units / s.units_per_disk * s.disk_mass_kg;

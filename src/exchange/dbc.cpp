@@ -2,12 +2,14 @@
 
 #include <fmt/ranges.h>
 
+#include <algorithm>
 #include <numbers>
 #include <vector>
 
 #include "tendril/canopen/boot_script.h"
 #include "tendril/canopen/wire.h"
 #include "tendril/core/load_cell_place.h"
+#include "tendril/core/plain_text.h"
 
 namespace tendril::exchange {
 namespace {
@@ -20,11 +22,10 @@ constexpr std::string_view kDaemon = "tendrild", kNmtStates =
                                                      "127 \"pre-operational\"";
 
 /// As DBC has texts: what a maker's EDS file calls its drive may hold anything.
-std::string Plain(std::string text) {
-  for (char& c : text) {
-    if (c == '"' || c < ' ' || c > '~') c = '?';
-  }
-  return text;
+std::string Quoted(const std::string& text) {
+  std::string plain = PlainText(text);
+  std::replace(plain.begin(), plain.end(), '"', '?');
+  return plain;
 }
 
 /// A value of a frame, in the order in which the frame carries them.
@@ -129,7 +130,7 @@ Message Emergency(const Drive& drive) {
           .receiver = std::string(kDaemon),
           .signals = {{.name = "ErrorCode", .bits = 16, .values = codes},
                       {.name = "ErrorRegister", .bits = 8, .comment = "Object 0x1001."},
-                      {.name = "Vendor", .bits = 40, .comment = "As the drive's maker likes."}},
+                      {.name = "Vendor", .bits = 40, .comment = "Manufacturer-specific."}},
           .comment = "EMCY; code 0: an earlier error was cleared."};
 }
 
@@ -178,8 +179,9 @@ std::vector<Message> MessagesOf(const BusParameters& bus, const std::vector<Driv
        .sender = daemon,
        .receiver = all,
        .comment = "Begins a cycle: drives latch their positions, and the torques that they got begin to act.",
-       .period_ms = cycle_ms},
-      Heartbeat(daemon, all, canopen::kMasterNodeId, bus.heartbeat_ms)};
+       .period_ms = cycle_ms}};
+  if (bus.heartbeat_ms > 0)
+    messages.push_back(Heartbeat(daemon, all, canopen::kMasterNodeId, bus.heartbeat_ms));
   for (const Drive& drive : drives) {
     const canopen::DrivePdos& pdos = drive.setup.profile->pdos;
     messages.push_back(Pdo(drive, pdos.torque, "Torque", cycle_ms));
@@ -247,7 +249,7 @@ std::string Dbc(const RobotParameters& robot, const BusParameters& bus, std::spa
       robot.name, bus.bitrate_bps);
   for (const Drive& drive : drives)
     text += fmt::format("CM_ BU_ {} \"{}, pulls tendon {}.\";\n", drive.name(),
-                        Plain(drive.setup.profile->name), drive.node.tendon);
+                        Quoted(drive.setup.profile->name), drive.node.tendon);
   for (const Message& message : messages) text += CommentsOf(message);
   text +=
       "BA_DEF_ BO_ \"GenMsgCycleTime\" INT 0 65535;\nBA_DEF_ \"Baudrate\" INT 0 1000000;\n"

@@ -96,8 +96,7 @@ void OpenDisk(Xml& xml, const Parts& p, const Unit& unit) {
   for (const Hinge& hinge : kHinges) AddHinge(xml, unit, hinge);
   xml.Line("<inertial pos=\"0 0 0\" mass=\"{0:.10g}\" diaginertia=\"{1:.10g} {1:.10g} {2:.10g}\"/>",
            unit.mass_kg, unit.inertia_xx_kgm2, unit.inertia_zz_kgm2);
-  xml.Line("<geom type=\"cylinder\" size=\"{:.6g} {:.6g}\"/>", 1.2 * LargestHole_m(p.body),
-           unit.length_m / 20);
+  xml.Line("<geom type=\"cylinder\" size=\"{:.6g} {:.6g}\"/>", DrawnDisk_m(p.robot.body), unit.length_m / 20);
   xml.Line("<site name=\"disk{}_centre\"/>", unit.number);
   AddHoles(xml, p, unit.number);
 }

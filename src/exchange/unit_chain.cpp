@@ -52,14 +52,6 @@ std::vector<Eigen::Vector3d> HolesOf(const model::Body& body, int tendon) {
   return holes;
 }
 
-double LargestHole_m(const model::Body& body) {
-  double radius_m = 0;
-  for (const SectionParameters& s : body.parameters().sections) {
-    for (const TendonRoute& t : s.tendons) radius_m = std::max(radius_m, t.radius_m);
-  }
-  return radius_m;
-}
-
 std::vector<std::string> Heading(const RobotParameters& robot, const std::string& meaning,
                                  const std::vector<std::string>& left_out) {
   std::vector<std::string> lines = {

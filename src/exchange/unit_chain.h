@@ -43,8 +43,8 @@ double Along(const Unit& unit, const Hinge& hinge);
 /// Holes of a tendon (0-based) in the frames of the base disk and of each disk up to its last [m].
 std::vector<Eigen::Vector3d> HolesOf(const model::Body& body, int tendon);
 
-/// Largest radius of a hole [m]; a disk as drawn is a little larger.
-double LargestHole_m(const model::Body& body);
+/// Radius of the disks as drawn: the tendons run within.
+inline double DrawnDisk_m(const BodyParameters& body) { return 1.2 * body.largest_hole_m(); }
 
 /// The comment at a file's top: what it is of, how it is meant, and what it leaves out.
 std::vector<std::string> Heading(const RobotParameters& robot, const std::string& meaning,

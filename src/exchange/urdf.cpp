@@ -92,7 +92,7 @@ Exported Urdf(const RobotParameters& robot) {
                       exported.left_out));
   xml.Open("<robot name=\"{}\">", robot.name);
   xml.Line("<link name=\"base_link\"/>");
-  for (const Unit& unit : units) AddUnit(xml, unit, 1.2 * LargestHole_m(body));
+  for (const Unit& unit : units) AddUnit(xml, unit, DrawnDisk_m(robot.body));
   xml.Line("<link name=\"tip\"/>");
   xml.Line("<joint name=\"tip_fixed\" type=\"fixed\"><parent link=\"disk{}\"/><child link=\"tip\"/></joint>",
            units.size());

@@ -112,7 +112,7 @@ class Diagnosing {
   }
 
  private:
-  /// What one nominal robot leads to.
+  /// The findings about one nominal robot.
   struct Standing {
     RobotParameters robot;
     Evaluator evaluator;

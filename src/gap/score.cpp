@@ -178,12 +178,10 @@ ChannelScore ScoreChannels(const Evaluator& evaluator, const Residuals& part, co
     for (int c = 0; c < count; ++c) {
       const auto& r = Pick(part, rest, i, c);
       const auto& v = evaluator.Variance()[i][c];
-      const double delta2 = channels[c].floor * channels[c].floor;
       const Eigen::VectorXd squares = CalmSquares(r, v, v, evaluator.window_s(i, c));
       for (int w = 0; w < r.size(); ++w) {
         if (!std::isfinite(v[w])) continue;
-        // Windows with a large resolution error contribute little to the mean square.
-        const double weight = 1 / (v[w] + delta2);
+        const double weight = MeanWeight(v[w], channels[c]);
         score.square[c] += weight * squares[w];
         score.noise[c] += weight * v[w];
         total[c] += weight;

@@ -86,6 +86,12 @@ void ForEachStretch(const Folds& folds, int run, int windows, const Call& call) 
   }
 }
 
+/// Weight of a window of this variance in the mean square of its channel: windows with a large resolution
+/// error, as where a motor breaks loose, contribute little.
+inline double MeanWeight(double variance, const Channel& channel) {
+  return 1 / (variance + channel.floor * channel.floor);
+}
+
 /// -1/2 sum of w r^2 over the channels of `part`; channels that it lacks are taken from `rest`.
 double LogScore(const Weights& weights, const Residuals& part, const Residuals& rest);
 

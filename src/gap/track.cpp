@@ -36,8 +36,7 @@ std::vector<const Probe*> AboutNominal(const std::vector<Probe>& probes) {
   return chosen;
 }
 
-/// Mean squares of a column by channel, weighed as floors are: moments when a tendon catches or a motor
-/// breaks loose are uncertain and get little weight.
+/// Mean squares of a column by channel.
 Eigen::VectorXd MeanSquares(const Evaluator& evaluator, const Column& column) {
   const auto& channels = evaluator.channels();
   Eigen::VectorXd square = Eigen::VectorXd::Zero(static_cast<int>(channels.size())), total = square;
@@ -46,7 +45,7 @@ Eigen::VectorXd MeanSquares(const Evaluator& evaluator, const Column& column) {
       const Eigen::VectorXd& variance = evaluator.Variance()[i][c];
       for (Eigen::Index w = 0; w < column[i][c].size(); ++w) {
         if (!std::isfinite(variance[w])) continue;
-        const double weight = 1 / (variance[w] + channels[c].floor * channels[c].floor);
+        const double weight = MeanWeight(variance[w], channels[c]);
         square[static_cast<int>(c)] += weight * column[i][c][w] * column[i][c][w];
         total[static_cast<int>(c)] += weight;
       }
@@ -114,7 +113,7 @@ class Tracker {
     }
   }
 
-  /// Empty where the runs do not say it.
+  /// Without parameters of which the runs say little beside the prior: these would follow the prior.
   std::vector<TrackedParameter> Tracked(const Probe& probe, const Nuisances& nuisances,
                                         const Weights& weights) const {
     std::vector<const Column*> columns;

@@ -1,4 +1,4 @@
-// Tells a cycle's record from damaged bytes that decode as one. Knows what a controller may write.
+// Distinguishes a cycle's record from damaged bytes that decode as one. Knows what a controller may write.
 #pragma once
 
 #include <cstdint>

@@ -22,6 +22,9 @@ constexpr bool IsEvent(std::uint64_t channel_size, std::uint64_t data_size) {
 /// Every length is checked against the file, because LCM's own reader trusts them and skips damage silently.
 /// An event counts only when another follows it or the file ends there: an event overwritten in part may have
 /// an intact header.
+/// From one report of progress to the next, of whoever reads a whole log.
+inline constexpr std::uint64_t kEventsAReport = 4096;
+
 class EventReader {
  public:
   /// Throws std::runtime_error naming the path when it cannot be read.

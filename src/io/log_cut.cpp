@@ -22,8 +22,6 @@
 namespace tendril::io {
 namespace {
 
-constexpr std::uint64_t kMessagesAReport = 4096;
-
 /// A log under a name of its own until it is complete, so that no half of it is taken for the whole.
 class CutFile {
  public:
@@ -72,7 +70,7 @@ std::pair<std::int64_t, std::int64_t> Stamps(const std::string& path,
   for (std::uint64_t n = 0; reader.Next(); ++n) {
     first = std::min(first, reader.stamp_us());
     last = std::max(last, reader.stamp_us());
-    if (progress && n % kMessagesAReport == 0)
+    if (progress && n % kEventsAReport == 0)
       progress(0.5 * static_cast<double>(reader.offset()) / static_cast<double>(reader.size()));
   }
   if (first > last) throw std::runtime_error(path + ": no whole event of an LCM log in this file");
@@ -100,7 +98,7 @@ CutResult CutLog(const std::string& path, const LogSpan& span, const std::string
   std::int64_t begin = 0, end = 0;
   for (; log.Next(); ++result.of) {
     const LogMessage& m = log.message();
-    if (progress && result.of % kMessagesAReport == 0)
+    if (progress && result.of % kEventsAReport == 0)
       progress(0.5 + 0.5 * static_cast<double>(log.position()) / static_cast<double>(log.size()));
     if (m.stamp_us < from && m.type == "run_t") runs_before[m.channel].assign(m.data.begin(), m.data.end());
     if (m.stamp_us < from || m.stamp_us > to) continue;

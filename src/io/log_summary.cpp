@@ -4,6 +4,7 @@
 #include <map>
 #include <string_view>
 
+#include "event_reader.h"
 #include "tendril/io/log_messages.h"
 #include "tendril/io/wire.h"
 
@@ -110,10 +111,9 @@ LogSummary SummariseLog(const std::string& path, double least_gap_s,
                         const std::function<void(double)>& progress) {
   LogMessages log(path);
   Summary summary(least_gap_s);
-  constexpr std::uint64_t kReportEvery = 4096;
   for (std::uint64_t n = 0; log.Next(); ++n) {
     summary.Take(log.message());
-    if (progress && n % kReportEvery == 0)
+    if (progress && n % kEventsAReport == 0)
       progress(static_cast<double>(log.position()) / static_cast<double>(log.size()));
   }
   LogSummary result = summary.Finish();

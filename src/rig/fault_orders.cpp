@@ -3,25 +3,20 @@
 
 #include <fmt/core.h>
 
-#include <algorithm>
 #include <stdexcept>
+#include <string_view>
 #include <tendril_lcm/event_t.hpp>
 #include <utility>
 
 #include "tendril/config/config.h"
+#include "tendril/core/plain_text.h"
 #include "tendril/io/connection.h"
 #include "tendril/io/wire.h"
 
 namespace tendril::rig {
 namespace {
 
-/// Makes external text printable in one line of a terminal.
-std::string Shown(std::string text) {
-  if (text.size() > 120) text = text.substr(0, 120) + "...";
-  std::replace_if(
-      text.begin(), text.end(), [](unsigned char c) { return c < 0x20 || c > 0x7E; }, '?');
-  return text;
-}
+std::string Shown(std::string_view text) { return PlainText(text, 120); }
 
 }  // namespace
 

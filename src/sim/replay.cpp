@@ -36,11 +36,7 @@ constexpr double kLeastPresliding = 10;
 
 RobotParameters Resolvable(RobotParameters robot) {
   if (!robot.actuation) return robot;
-  double hole_m = 0;
-  for (const SectionParameters& section : robot.body.sections) {
-    for (const TendonRoute& route : section.tendons) hole_m = std::max(hole_m, route.radius_m);
-  }
-  const double least_m = kLeastPresliding * kBendTolerance_rad * hole_m;
+  const double least_m = kLeastPresliding * kBendTolerance_rad * robot.body.largest_hole_m();
   for (TendonDriveParameters& drive : robot.actuation->tendons) {
     double& presliding_m = drive.transmission.presliding_m;
     if (presliding_m > 0) presliding_m = std::max(presliding_m, least_m);

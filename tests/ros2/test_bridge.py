@@ -226,6 +226,17 @@ def test_states_of_another_robot_wait_for_its_description(bridge, daemon):
     assert len(bridge.sent["/joint_states"][-1].name) == 16
 
 
+def test_another_robot_of_as_many_sections_is_noticed(bridge, daemon):
+    bridge.publish()
+    daemon.robot = lambda timeout: tendril.load_robot(ROBOT.with_name("rig_90mm.yaml"))
+    bridge.diagnose()
+    daemon.changed = {"bending_estimate_rad": np.array([0.8, -0.4])}
+    bridge.publish()
+    other = tendril.Model(tendril.load_robot(ROBOT.with_name("rig_90mm.yaml")))
+    np.testing.assert_array_equal(bridge.sent["/joint_states"][-1].position, other.hinge_angles(other.spread([0.8, -0.4])))
+    assert bridge._model.robot.name == "rig_90mm"
+
+
 @pytest.mark.parametrize("name, value", [("rate", 0.0), ("rate", math.nan), ("valid_for", 0.0)])
 def test_parameters_out_of_range(daemon, guard, name, value):
     from tendril_ros2.bridge import Bridge

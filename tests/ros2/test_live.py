@@ -14,7 +14,7 @@ import pytest
 import tendril
 from tendril.messages import state_t
 
-# Arms by its service, bends by its topic, and tells what it published.
+# Arms by its service, bends by its topic, and prints what it published.
 PROGRAM = """
 import threading, time
 import numpy as np

@@ -16,6 +16,7 @@
 #include "progress.h"
 #include "stop_signals.h"
 #include "tendril/config/config.h"
+#include "tendril/core/plain_text.h"
 #include "tendril/io/log_summary.h"
 
 namespace tendril::tools {
@@ -50,11 +51,11 @@ std::string TypeText(const io::ChannelSummary& channel) {
 void PrintRuns(const io::LogSummary& log) {
   for (const io::LoggedRun& run : log.runs) {
     const std::string robot = RobotName(run.info);
-    fmt::print("{:<9} {}, Tendril {} ({}){}{}\n", run.prefix + ":",
-               robot.empty() ? "a robot file of another version" : "robot '" + robot + "'", run.info.version,
-               run.info.git_revision,
+    fmt::print("{:<9} {}, Tendril {} ({}){}{}\n", PlainText(run.prefix) + ":",
+               robot.empty() ? "a robot file of another version" : "robot '" + robot + "'",
+               PlainText(run.info.version), PlainText(run.info.git_revision),
                IsDate(run.info.start_utime) ? ", started " + Date(run.info.start_utime) : "",
-               run.info.daemon.empty() ? "" : ", " + run.info.daemon);
+               run.info.daemon.empty() ? "" : ", " + PlainText(run.info.daemon));
   }
   if (log.runs.empty()) fmt::print("robot:    not said: no RUN message of this version\n");
 }
@@ -64,8 +65,8 @@ void PrintChannels(const io::LogSummary& log) {
              "rate [1/s]", "MB", "longest gap", "at [s]");
   for (const io::ChannelSummary& c : log.channels) {
     const double gap_s = c.longest.seconds();
-    fmt::print("{:<26} {:<20} {:>9} {:>10.4g} {:>9.3f} {:>9.4g} s {:>10.3f}\n", c.name, TypeText(c),
-               c.messages, c.rate_per_s(), 1e-6 * static_cast<double>(c.bytes), gap_s,
+    fmt::print("{:<26} {:<20} {:>9} {:>10.4g} {:>9.3f} {:>9.4g} s {:>10.3f}\n", PlainText(c.name),
+               TypeText(c), c.messages, c.rate_per_s(), 1e-6 * static_cast<double>(c.bytes), gap_s,
                gap_s > 0 ? 1e-6 * static_cast<double>(c.longest.begin_us - log.first_us) : 0.0);
   }
 }
@@ -74,9 +75,9 @@ void PrintFindings(const io::LogSummary& log, const InfoOptions& o) {
   fmt::print("\n");
   for (const io::ChannelSummary& c : log.channels) {
     if (c.missing_cycles > 0)
-      fmt::print("{}: {} missing by their numbers\n", c.name, Counted(c.missing_cycles, "cycle"));
+      fmt::print("{}: {} missing by their numbers\n", PlainText(c.name), Counted(c.missing_cycles, "cycle"));
     if (c.earlier > 0)
-      fmt::print("{}: {} stamped before the one ahead\n", c.name, Counted(c.earlier, "message"));
+      fmt::print("{}: {} stamped before the one ahead\n", PlainText(c.name), Counted(c.earlier, "message"));
   }
   if (log.gaps == 0) fmt::print("no silence of {:g} s or more\n", o.least_gap_s);
   for (const io::LogGap& gap : log.first_gaps) {

@@ -48,8 +48,8 @@ struct LogSummary {
 
 inline constexpr std::size_t kGapsKept = 20;
 
-/// `least_gap_s`: silence that counts as a gap. `progress` is told the share that is read; it may throw to
-/// end the work. Throws std::runtime_error naming the path when it cannot be read.
+/// `least_gap_s`: silence that counts as a gap. `progress` gets the share that is read; it may throw to end
+/// the work. Throws std::runtime_error naming the path when it cannot be read.
 LogSummary SummariseLog(const std::string& path, double least_gap_s,
                         const std::function<void(double)>& progress = {});
 

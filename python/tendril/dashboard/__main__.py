@@ -9,6 +9,7 @@ import signal
 import sys
 
 from .._command_line import Parser, add_lcm_options, number
+from ..errors import install
 
 DESCRIPTION = """Shows what a daemon and its robot do, and operates it from the keyboard.
 
@@ -54,7 +55,7 @@ def parser() -> argparse.ArgumentParser:
 def _missing() -> str:
     """Why it cannot start here; empty: it can."""
     if importlib.util.find_spec("textual") is None:
-        return "the dashboard needs textual; install it with pip install './python[dashboard]' in the checkout"
+        return f"the dashboard needs textual; install it: {install('dashboard')}"
     # Textual draws on the standard error.
     if not all(stream.isatty() for stream in (sys.stdin, sys.stdout, sys.stderr)):
         return "the dashboard needs a terminal; for scripts: tendril status --json, or --watch through a pipe"

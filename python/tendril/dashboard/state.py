@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from .. import _core
 from .._arrays import Array
 from ..messages import state_t
-from ..state import Event, State, Statistics
+from ..state import FIRST_FAULT, Event, State, Statistics
 from .jog import Jog, Limits
 
 Span = tuple[str, str]
@@ -19,7 +19,6 @@ Line = list[Span]
 
 LEAST_WIDTH, LEAST_HEIGHT = 80, 24
 _BAR = 16
-_FAULT = 400
 
 
 def clean(text: str) -> str:
@@ -52,7 +51,7 @@ def heading(state: State, robot: _core.Robot | None, daemon: _core.Daemon | None
     for number in map(int, state.reported):
         own = number == state.status and state.status_text
         text = clean(state.status_text) if own else _core.status_text(number)
-        style = "bad" if number >= _FAULT else "warn"
+        style = "bad" if number >= FIRST_FAULT else "warn"
         lines.append([(f"status {number} {text}", style), *_remedy(_core.status_remedy(number))])
     return lines
 
@@ -189,7 +188,7 @@ def events(happened: Sequence[Event], most: int) -> list[Line]:
         else:
             break
     for event, count in runs:
-        style = "bad" if event.status >= _FAULT else "warn" if event.status else ""
+        style = "bad" if event.status >= FIRST_FAULT else "warn" if event.status else ""
         again = f" ({count} times)" if count > 1 else ""
         line: Line = [(f"{_clock(event.utime)} {clean(event.source)}: {clean(event.text)}{again}", style)]
         remedy = _core.status_remedy(event.status)

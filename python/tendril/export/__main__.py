@@ -7,22 +7,20 @@ import os
 import pathlib
 import signal
 import sys
-import time
 from collections.abc import Iterator
 from typing import Any
 
 from .. import _core
 from .._command_line import Parser, stop_signals
-from ..errors import Error
+from .._progress import Line
+from ..errors import Error, install
 from ..logs.batch import Part, Sorter
 from .files import ExportError, NewFiles, new_files
 
 DESCRIPTION = """A log as MCAP for Foxglove and PlotJuggler, with the robot drawn and a layout for each beside it, as
 CSV or as Parquet. Every message of every channel is exported, damaged ones are left out and named. Files appear when
 they are complete. The time of a message is its own utime; where it has none, when it was recorded."""
-INSTALL = "pip install 'tendril[export]' (from the sources: pip install './python[export]')"
 BATCH = 4096  # messages
-REPORT_EVERY_S, LINE_EVERY_S = 1.0, 30.0
 
 
 def make_parser() -> argparse.ArgumentParser:
@@ -36,34 +34,6 @@ def make_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--overwrite", action="store_true", help="replace files that exist")
     return parser
-
-
-class Progress:
-    """On a terminal a line that is redrawn; elsewhere a line from time to time."""
-
-    def __init__(self, log: _core.LogMessages):
-        self._log, self._start_s = log, time.monotonic()
-        self._shown_s, self._drawn = self._start_s, False
-        self._terminal = sys.stderr.isatty()
-
-    def show(self) -> None:
-        now_s = time.monotonic()
-        if now_s < self._shown_s + (REPORT_EVERY_S if self._terminal else LINE_EVERY_S):
-            return
-        self._shown_s, self._drawn = now_s, self._terminal
-        share = self._log.position / max(self._log.size, 1)
-        to_go = (now_s - self._start_s) * (1 - share) / max(share, 1e-9)
-        line = f"  exporting {100 * share:3.0f} %, {to_go:.0f} s to go"
-        print(
-            f"\r{line}   " if self._terminal else line,
-            end="" if self._terminal else "\n",
-            file=sys.stderr,
-            flush=True,
-        )
-
-    def end(self) -> None:
-        if self._drawn:
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
 
 
 def open_log(path: str) -> _core.LogMessages:
@@ -90,7 +60,7 @@ def targets(options: argparse.Namespace, files: NewFiles) -> list[Any]:
             if options.parquet:
                 found.append(Tables(pathlib.Path(options.parquet), files, ParquetFile))
     except ImportError as e:
-        raise ExportError(f"{e.name} is not installed; install it: {INSTALL}") from None
+        raise ExportError(f"{e.name} is not installed; install it: {install('export')}") from None
     return found
 
 
@@ -113,19 +83,18 @@ def export(options: argparse.Namespace) -> None:
     sorter, remarks, exported = Sorter(), [], 0
     with new_files(options.overwrite, [options.log, options.robot]) as files:
         found = targets(options, files)
-        progress = Progress(log)
         try:
-            for parts in batches(log, sorter):
-                for target in found:
-                    target.write(parts)
-                exported += sum(len(part.places) for part in parts)
-                progress.show()
+            with Line() as line:
+                for parts in batches(log, sorter):
+                    for target in found:
+                        target.write(parts)
+                    exported += sum(len(part.places) for part in parts)
+                    line("exporting", log.position / max(log.size, 1))
             if not exported:
                 raise ExportError(no_message(options.log, log, sorter))
             for target in found:
                 remarks += target.finish(about(options.log, log))
         finally:
-            progress.end()
             for target in found:
                 target.abandon()
         written = files.paths

@@ -65,6 +65,9 @@ class NewFiles:
 
     def keep(self) -> None:
         """Gives all their names."""
+        for part in self._parts:
+            with part.open("rb") as written:
+                os.fsync(written.fileno())
         for part, path in self._parts.items():
             os.replace(part, path)
 

@@ -60,5 +60,5 @@ class McapFile:
         return self.encoder.remarks(ended=True)
 
     def abandon(self) -> None:
-        with contextlib.suppress(OSError):  # of a full disk, which has been told already
+        with contextlib.suppress(OSError):  # of a full disk, already reported
             self._stream.close()

@@ -158,5 +158,5 @@ class Tables:
 
     def abandon(self) -> None:
         for channel in self._channels.values():
-            with contextlib.suppress(OSError):  # of a full disk, which has been told already
+            with contextlib.suppress(OSError):  # of a full disk, already reported
                 channel.abandon()

@@ -1,4 +1,4 @@
-"""Log lines for people: events, and each change of mode or status of the states."""
+"""Log lines: events, and each change of mode or status of the states."""
 
 from __future__ import annotations
 
@@ -6,11 +6,10 @@ from collections.abc import Iterator
 
 from foxglove_schemas_protobuf import Log_pb2
 
+from ..state import FIRST_FAULT
 from .columns import Columns
 from .protobuf import to_bytes
 from .scene import timestamp
-
-FIRST_FAULT = 400  # status numbers from here on are faults; 0 is none
 
 
 def level_of(status: int) -> Log_pb2.Log.Level.ValueType:

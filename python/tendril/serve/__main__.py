@@ -13,7 +13,7 @@ import time
 
 import foxglove
 
-from .._command_line import Parser, add_lcm_options, number, stop_signals
+from .._command_line import Parser, add_duration, add_lcm_options, number, stop_signals
 from ..view.frames import ViewError
 from ..view.live import open_lcm
 from .bridge import Bridge
@@ -56,13 +56,7 @@ def make_parser() -> argparse.ArgumentParser:
         metavar="ORIGIN",
         help="one more web page that may read along",
     )
-    parser.add_argument(
-        "--duration",
-        type=number(0, 1e6, "s"),
-        default=0.0,
-        metavar="S",
-        help="end after this long; 0: on Ctrl-C (%(default)g)",
-    )
+    add_duration(parser, "the start")
     return parser
 
 
@@ -114,7 +108,7 @@ def serve(options: argparse.Namespace) -> None:
     server = foxglove.start_server(name=f"tendril {options.prefix}", host=inner, port=0, context=context)
     try:
         admission = Admission(options.address, options.host, options.origin)
-        guard = Guard(options.address, options.port, (inner, server.port), admission, report)
+        guard = Guard(options.address, options.port, (inner, server.port), admission, Reporter())
         for one in stop_signals():
             signal.signal(one, lambda *_: stop.set())
         warn_of_others(options.address, report)

@@ -16,7 +16,7 @@ from ..logs.output import Output, schema_of
 
 MOST_AT_ONCE = 5000  # messages: a flood must not stop those before it
 QUEUE = 2000  # messages of one subscription, two seconds at 1 kHz
-TOGETHER_S = 0.02  # messages are encoded in lots: one at a time costs far more
+TOGETHER_S = 0.02  # messages are encoded in batches: one at a time costs far more
 
 
 class Bridge:

@@ -1,8 +1,8 @@
 """Who may read along.
 
-foxglove-sdk 0.30.3 takes websockets from any web page and any name that leads to it. So its server listens on a loopback
-address that nobody can guess, one of 16 million at any port, and what listens where the user said is this: it looks at
-the Host and the Origin of each request, and leads the connection on only where both are accepted.
+foxglove-sdk 0.30.3 accepts websockets from any web page and any host name. So its server listens on a random loopback
+address, one of 16 million, at a random port. The guard listens at the address that the user chose. It checks the Host and
+the Origin of each request, and forwards the connection only where both are accepted.
 """
 
 from __future__ import annotations
@@ -25,7 +25,10 @@ FOXGLOVE = ("https://app.foxglove.dev", "file://")  # its page, and its program 
 LOOPBACK_NAMES = ("localhost", "127.0.0.1", "::1")
 LARGEST_HEAD = 16 * 1024  # bytes of a request before its websocket begins
 HEAD_WITHIN_S = 10.0
-MOST_CONNECTIONS = 32
+MOST_VIEWERS = 32
+MOST_CONNECTIONS = (
+    4 * MOST_VIEWERS
+)  # with those that have sent no request yet: beyond, they are closed at once
 BLOCK = 64 * 1024
 
 
@@ -54,12 +57,12 @@ def _is_ip(name: str) -> bool:
 
 
 class Admission:
-    """Which requests are led on."""
+    """Which requests are forwarded."""
 
     def __init__(self, address: str, hosts: Sequence[str] = (), origins: Sequence[str] = ()):
         self._names = {*LOOPBACK_NAMES, address.lower(), *(host.lower() for host in hosts)}
         self._origins = {*FOXGLOVE, *(origin.lower().rstrip("/") or origin for origin in origins), "file://"}
-        # A name may be made to lead here by its owner (DNS rebinding), an address may not.
+        # The owner of a name can make it resolve to this machine (DNS rebinding); an address cannot.
         self._any_address = not is_loopback(address)
 
     def refusal(self, head: bytes) -> str | None:
@@ -93,7 +96,7 @@ def _answer(reason: str) -> bytes:
 
 
 class Guard:
-    """Listens at `address`:`port` (0: any that is free) on a thread of its own and leads what is admitted to `inner`."""
+    """Listens at `address`:`port` (0: any that is free) on a thread of its own and forwards what is admitted to `inner`."""
 
     def __init__(
         self,
@@ -104,7 +107,7 @@ class Guard:
         report: Callable[[str], None],
     ):
         self._inner, self._admission, self._report = inner, admission, report
-        self._connections = 0
+        self._connections = self._admitted = 0
         self._opened: concurrent.futures.Future[int] = concurrent.futures.Future()
         self._thread = threading.Thread(target=lambda: asyncio.run(self._listen(address, port)), daemon=True)
         self._thread.start()
@@ -136,6 +139,8 @@ class Guard:
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._connections += 1
         try:
+            if self._connections > MOST_CONNECTIONS:
+                return
             # Also where this task is ended: asyncio would report it as an error of ours.
             with contextlib.suppress(
                 OSError, asyncio.IncompleteReadError, asyncio.TimeoutError, asyncio.CancelledError
@@ -151,8 +156,8 @@ class Guard:
         except asyncio.LimitOverrunError:
             return
         reason = self._admission.refusal(head)
-        if reason is None and self._connections > MOST_CONNECTIONS:
-            reason = f"{MOST_CONNECTIONS} viewers read along already"
+        if reason is None and self._admitted >= MOST_VIEWERS:
+            reason = f"{MOST_VIEWERS} viewers read along already"
         if reason is not None:
             self._report(reason)
             writer.write(_answer(reason))
@@ -162,11 +167,13 @@ class Guard:
         inner_writer.write(head)
         ways = [_pump(reader, inner_writer), _pump(inner_reader, writer)]
         tasks = [asyncio.ensure_future(way) for way in ways]
+        self._admitted += 1
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
             for task in tasks:
                 task.cancel()
+            self._admitted -= 1
             inner_writer.close()
 
 

@@ -10,7 +10,7 @@ import sys
 import threading
 import webbrowser
 
-from .._command_line import Parser, add_lcm_options, number
+from .._command_line import Parser, add_duration, add_lcm_options, number
 from .frames import Recording, ViewError
 
 DESCRIPTION = """The robot in 3-D, in a browser of this machine: live (without SOURCE), a log, a data set, or a
@@ -41,13 +41,7 @@ def make_parser() -> argparse.ArgumentParser:
         help="begin at rest at this time of the recording, instead of playing it",
     )
     parser.add_argument("--no-browser", action="store_true", help="only print the address")
-    parser.add_argument(
-        "--duration",
-        type=number(0, 1e6, "s"),
-        default=0.0,
-        metavar="S",
-        help="end this long after a page was first open; 0: on Ctrl-C (%(default)g)",
-    )
+    add_duration(parser, "a page was first open")
     return parser
 
 

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from .._arrays import Array
+from ..errors import install
 from ..messages import state_t
 from .frames import DrawnRobot, Frame, Pose, ViewError, unknown
 from .readings import LONGEST_GAP_S
-
-INSTALL_LCM = "pip install 'tendril[view]' (from the sources: pip install './python[view]')"
 
 
 def lcm_module() -> Any:
@@ -21,7 +20,7 @@ def lcm_module() -> Any:
         import lcm
     except ImportError:
         raise ViewError(
-            f"running daemons need lcm, which is not installed; install it: {INSTALL_LCM}"
+            f"running daemons need lcm, which is not installed; install it: {install('view')}"
         ) from None
     return lcm
 

@@ -22,6 +22,7 @@ import socket
 from collections.abc import Iterator
 from typing import Any
 
+from ..errors import install
 from .frames import ViewError
 
 HOST = "127.0.0.1"
@@ -127,8 +128,7 @@ def start(port: int, title: str) -> Any:
         import viser
     except ImportError as e:
         raise ViewError(
-            f"the view needs {e.name}, which is not installed; install it: pip install 'tendril[view]' "
-            "(from the sources: pip install './python[view]')"
+            f"the view needs {e.name}, which is not installed; install it: {install('view')}"
         ) from None
     require_free(port)
     os.environ.pop("_VISER_PORT_OVERRIDE", None)

@@ -5,22 +5,25 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import time
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
 
 from .. import load_robot
 from .._command_line import Parser, add_lcm_options, number
+from .._progress import Line
 from ..data_set import DataSet
 from ..errors import Error
 from ..report import Report
 from . import alarm, day, page, text
 from .change import Change, changes
-from .progress import Line
 from .store import Entry, Store, StoreError
 
 FALSE_ALARMS_PER_YEAR = 0.5
 CHANGED = 3  # exit status
+# What --each finds may be a recording that goes on: its rows reach the disk within this time.
+STILL_WRITTEN_S = 60.0
 DB = "database of watched robots (SQLite)"
 
 
@@ -155,7 +158,15 @@ def watch_each(store: Store, o: argparse.Namespace, accepted: Entry) -> int:
         # Of the accepted state's own day, what an earlier state has seen was before it.
         return path not in known and (at > accepted.at or (at == accepted.at and path not in earlier))
 
-    new = [path for path in day.in_folders(o.data) if is_new(path)]
+    new = []
+    for path in filter(is_new, day.in_folders(o.data)):
+        age_s = time.time() - day.written_at(path)
+        if 0 <= age_s < STILL_WRITTEN_S:
+            alarm.warn(
+                "watch", f"{path}: written {age_s:.0f} s ago, perhaps not complete: left for the next time"
+            )
+        else:
+            new.append(path)
     if not new and days and days[-1].finding.get("alarm"):
         when = text.date(days[-1].at)
         alarm.say(f"ALARM: robot '{accepted.robot}': nothing new since the alarm of {when}", True)
@@ -175,14 +186,16 @@ def watch_each(store: Store, o: argparse.Namespace, accepted: Entry) -> int:
 
 
 def watch_one(store: Store, o: argparse.Namespace, accepted: Entry, paths: list[str]) -> int:
-    """One entry: measured unless it is there, judged beside the days before it, kept, told of."""
+    """One entry: measured unless it is there, judged beside the days before it, kept, reported."""
     runs = day.read_runs(paths, o.robot, o.same_robot)
     entry = day.unmeasured(runs, paths, day.recorded_at(paths) if o.at is None else o.at)
     days = store.days(accepted)
     known = next((other for other in days if other.digest == entry.digest), None)
     if known is not None:
         days = [other for other in days if (other.at, other.id) <= (known.at, known.id)]
-        return tell(o, accepted, days, changes(accepted, days, known.finding["false_alarms_per_year"]))
+        return report_entry(
+            o, accepted, days, changes(accepted, days, known.finding["false_alarms_per_year"])
+        )
     if entry.at < accepted.at:
         raise Error(
             f"{paths[0]}: recorded {text.moment(entry.at)}, before the accepted state ({text.moment(accepted.at)}); "
@@ -194,10 +207,12 @@ def watch_one(store: Store, o: argparse.Namespace, accepted: Entry, paths: list[
     with Line() as line:
         entry = replace(day.measured(entry, runs, accepted, line), accepted=accepted.id)
         found = changes(accepted, [*days, entry], o.false_alarms)
-        entry = replace(entry, finding=day.finding(found, o.false_alarms))
+        # Kept before it is diagnosed: whatever happens there, the alarm is not lost.
+        entry = store.add(replace(entry, finding=day.finding(found, o.false_alarms)))
         report = cause_of(runs, accepted, entry, line) if entry.finding["alarm"] and not o.no_cause else None
-    entry = store.add(entry)
-    status = tell(o, accepted, [*days, entry], found)
+    if report is not None:
+        store.conclude(entry)
+    status = report_entry(o, accepted, [*days, entry], found)
     if report is not None:
         save(report, os.path.join(o.out, f"{text.date(entry.at)}-{entry.digest[:12]}"))
     return status
@@ -207,7 +222,7 @@ def cause_of(runs: DataSet, accepted: Entry, entry: Entry, line: Line) -> Report
     """Adds it to the finding. An alarm without a diagnosis is an alarm all the same."""
     try:
         report, remark = day.name_cause(runs, accepted, line)
-    except Exception as error:
+    except Error as error:
         alarm.warn("watch", f"no diagnosis of the alarm: {error}")
         return None
     entry.finding["cause"] = day.cause_json(report, remark)
@@ -230,13 +245,13 @@ def accepted_state(store: Store, file: str) -> Entry:
     return states[-1]
 
 
-def tell(o: argparse.Namespace, accepted: Entry, days: list[Entry], found: list[Change]) -> int:
+def report_entry(o: argparse.Namespace, accepted: Entry, days: list[Entry], found: list[Change]) -> int:
     """Of the last of `days`: on the terminal or in the journal, as a page, over LCM. What fails here does not undo the
     entry, nor hide an alarm."""
     entry = days[-1]
     alarmed = bool(entry.finding.get("alarm"))
     failed = 0
-    for work in tellings(o, accepted, days, found, alarmed):
+    for work in reports(o, accepted, days, found, alarmed):
         try:
             work()
         except Error as error:
@@ -247,7 +262,7 @@ def tell(o: argparse.Namespace, accepted: Entry, days: list[Entry], found: list[
     return CHANGED if alarmed else failed
 
 
-def tellings(
+def reports(
     o: argparse.Namespace, accepted: Entry, days: list[Entry], found: list[Change], alarmed: bool
 ) -> list[Callable[[], None]]:
     works: list[Callable[[], None]] = []

@@ -1,4 +1,4 @@
-"""Tells of an alarm beyond this program: the journal, and operators over LCM."""
+"""Where an alarm goes beyond this program: the journal, and operators over LCM."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import sys
 import time
 
 from .. import _core
-from ..errors import Error
+from ..errors import Error, install
 
 CRITICAL = "<2>"  # as syslog(3) numbers them: systemd takes it from the line's head
 NOTICE = "<5>"
@@ -40,7 +40,7 @@ def publish(text: str, url: str, prefix: str) -> None:
 
         from ..messages import event_t
     except ImportError:
-        raise Error("--event needs the Python package lcm: pip install 'lcm==1.5.3'") from None
+        raise Error(f"--event needs lcm, which is not installed; install it: {install('watch')}") from None
     event = event_t()
     event.utime, event.status, event.source = round(1e6 * time.time()), DEGRADED, "gap watch"
     event.status_text, event.text = _core.status_text(DEGRADED), text

@@ -37,7 +37,12 @@ def recorded_at(paths: Sequence[str]) -> float:
             return datetime.datetime.fromisoformat(f"{last}T12:00:00+00:00").timestamp()
         except ValueError:
             pass  # looks like a date only
-    return max((file.stat().st_mtime for path in paths for file in _files(pathlib.Path(path))), default=0.0)
+    return max(map(written_at, paths), default=0.0)
+
+
+def written_at(path: str) -> float:
+    """When the newest file of a folder, or the file, was written."""
+    return max((file.stat().st_mtime for file in _files(pathlib.Path(path))), default=0.0)
 
 
 def _files(path: pathlib.Path) -> list[pathlib.Path]:

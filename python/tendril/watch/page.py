@@ -47,6 +47,7 @@ def write(path: str, text: str) -> None:
                 part.write(text)
                 part.flush()
                 os.fchmod(part.fileno(), 0o644)
+                os.fsync(part.fileno())
                 os.replace(part.name, file)
             except BaseException:
                 with contextlib.suppress(OSError):
@@ -117,8 +118,8 @@ def _entries(days: Sequence[Entry]) -> str:
         finding, cause = day.finding, day.finding.get("cause")
         count = len(finding.get("changes", []))
         state = "alarm" if finding.get("alarm") else "drift" if count else "as accepted"
-        told = escape(cause_words(cause)) if cause else ""
-        rows += f"<tr><td>{moment(day.at)}</td><td>{state}</td><td class='n'>{count}</td><td>{told}</td></tr>"
+        diagnosis = escape(cause_words(cause)) if cause else ""
+        rows += f"<tr><td>{moment(day.at)}</td><td>{state}</td><td class='n'>{count}</td><td>{diagnosis}</td></tr>"
     head = (
         "<tr><th>day (UTC)</th><th>state</th><th class='n'>numbers beyond chance</th><th>diagnosis</th></tr>"
     )

@@ -102,6 +102,10 @@ class Entry:
 _COLUMNS = ("robot", "at", "numbers", "accepted", "id")  # of the tables; all else is in `about`
 
 
+def _about(entry: Entry) -> str:
+    return json.dumps({key: value for key, value in vars(entry).items() if key not in _COLUMNS})
+
+
 def _written(path: str) -> bool:
     """Whether a program has it open to write."""
     return os.path.exists(f"{path}-wal")
@@ -202,11 +206,10 @@ class Store:
 
     def add(self, entry: Entry) -> Entry:
         """Keeps it; the same with its number."""
-        about = {key: value for key, value in vars(entry).items() if key not in _COLUMNS}
         with self._explained(), self._transaction():
             made = self._db.execute(
                 "INSERT INTO entries (robot, accepted, at, digest, about) VALUES (?, ?, ?, ?, ?)",
-                (entry.robot, entry.accepted, entry.at, entry.digest, json.dumps(about)),
+                (entry.robot, entry.accepted, entry.at, entry.digest, _about(entry)),
             )
             assert made.lastrowid is not None
             self._db.executemany(
@@ -217,6 +220,11 @@ class Store:
                 ],
             )
         return replace(entry, id=made.lastrowid)
+
+    def conclude(self, entry: Entry) -> None:
+        """Keeps what a diagnosis added to the finding of an entry that is there."""
+        with self._explained(), self._transaction():
+            self._db.execute("UPDATE entries SET about = ? WHERE id = ?", (_about(entry), entry.id))
 
     def robots(self) -> list[str]:
         """Names of the robots that it has, sorted."""

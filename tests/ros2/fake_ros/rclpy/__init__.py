@@ -1,4 +1,4 @@
-"""Stands in for rclpy: nodes keep what they make, messages go to whoever subscribed, timers go when they are told to.
+"""Stands in for rclpy: nodes keep what they make, messages go to whoever subscribed, timers run when a test calls them.
 
 A parameter is as `rclpy.parameters` says, else as it is declared.
 """
