@@ -17,6 +17,7 @@
 
 #include "module.h"
 #include "rows.h"
+#include "tendril/config/config.h"
 #include "tendril/core/robot.h"
 #include "tendril/core/tip_unit.h"
 #include "tendril/exchange/robot_model.h"
@@ -96,7 +97,9 @@ const auto kNoScratch = [] { return Nothing{}; };
 
 class Model {
  public:
-  explicit Model(const RobotParameters& robot) : s_(std::make_shared<const Subject>(robot)) {}
+  explicit Model(const RobotParameters& robot) : s_(std::make_shared<const Subject>(robot)) {
+    config::RequireBendingOnly(robot.body, robot.name, "tendril.Model");
+  }
 
   Rows Statics(Rows tension_N, std::optional<Rows> tip_force_W_N) const {
     const RowsPtr tension = Keep(std::move(tension_N));

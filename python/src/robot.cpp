@@ -198,7 +198,6 @@ void AddRobot(nb::module_& m) {
       "parse_robot",
       [](const std::string& yaml, const std::string& name) {
         RobotParameters robot = config::ParseRobot(yaml, name);
-        config::RequireBendingOnly(robot.body, name, "the Python package");
         sim::CheckEffects(robot);
         return robot;
       },

@@ -151,12 +151,7 @@ RobotParameters ParseRobot(const std::string& yaml, const std::string& name_for_
   return Parse<RobotParameters>(yaml, {name_for_errors}, Kind::kRobot, kRobotKeys);
 }
 
-RobotParameters LoadRobot(const std::string& path, KnownStrains known) {
-  RobotParameters robot = ParseRobot(ReadFile(path), path);
-  if (known == KnownStrains::kBending)
-    RequireBendingOnly(robot.body, path, "this command (unlike tendril model statics)");
-  return robot;
-}
+RobotParameters LoadRobot(const std::string& path) { return ParseRobot(ReadFile(path), path); }
 
 DaemonParameters ParseDaemon(const std::string& yaml, const std::string& name_for_errors) {
   return Parse<DaemonParameters>(yaml, {name_for_errors}, Kind::kDaemon, kDaemonKeys);

@@ -92,18 +92,20 @@ void DescribeStrains(Io& io, SectionParameters& p) {
     RequireStrain(io, p.torsion, key, "torsion");
   for (const char* key : {"axial_stiffness_N", "axial_damping_Nspm", "rest_extension"})
     RequireStrain(io, p.extension, key, "extension");
-  for (const char* key : {"shear_stiffness_N", "shear_damping_Nspm"}) RequireStrain(io, p.shear, key, "shear");
-  NumberOrNone(
-      io, "poissons_ratio", p.poissons_ratio, {-0.99, 0.5},
-      "needed by torsion without torsional_stiffness_Nm2 and by shear without shear_stiffness_N",
-      "Poisson's ratio of the backbone, for stiffnesses of a round rod: torsional E π r⁴ / (4 (1 + ν)), of shear "
-      "3 E π r² / (7 + 6 ν).");
+  for (const char* key : {"shear_stiffness_N", "shear_damping_Nspm"})
+    RequireStrain(io, p.shear, key, "shear");
+  NumberOrNone(io, "poissons_ratio", p.poissons_ratio, {-0.99, 0.5},
+               "needed by torsion without torsional_stiffness_Nm2 and by shear without shear_stiffness_N",
+               "Poisson's ratio of the backbone, for stiffnesses of a round rod: torsional E π r⁴ / (4 (1 + "
+               "ν)), of shear "
+               "3 E π r² / (7 + 6 ν).");
   NumberOrNone(io, "torsional_stiffness_Nm2", p.torsional_stiffness_Nm2, {1e-12, 1e6}, "that of a round rod",
                "Torsional stiffness G J of the backbone: moment per twist in rad/m.");
   NumberOrNone(io, "axial_stiffness_N", p.axial_stiffness_N, {1e-3, 1e9}, "that of a round rod, E π r²",
                "Axial stiffness E A of the backbone: force per extension.");
   NumberOrNone(io, "shear_stiffness_N", p.shear_stiffness_N, {1e-3, 1e9}, "that of a round rod",
-               "Shear stiffness k G A of the backbone: sideways force per angle of shear. A unit moves sideways also by "
+               "Shear stiffness k G A of the backbone: sideways force per angle of shear. A unit moves "
+               "sideways also by "
                "the bending that one constant bend leaves out, F l³ / (12 E I).");
   OptionalNumber(io, "torsional_damping_Nms", p.torsional_damping_Nms, 0, {0, 1000},
                  "Viscous damping of each unit, on the rate of its torsion.");

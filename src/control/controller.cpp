@@ -19,6 +19,7 @@
 #include "tendril/control/state_archive.h"
 #include "tendril/control/tension_loop_design.h"
 #include "tendril/control/tension_ramp.h"
+#include "tendril/model/bending_model.h"
 
 namespace tendril::control {
 namespace {
@@ -104,7 +105,7 @@ LimitParameters CommandedLimits(LimitParameters limits) noexcept {
 struct Controller::Impl {
   Impl(const RobotParameters& robot_in, const ControllerParameters& parameters_in, TimeNs period_ns,
        const LawRow& row)
-      : robot(Checked(robot_in)),
+      : robot(model::ControlModel(Checked(robot_in))),
         parameters(Checked(parameters_in, robot, period_ns)),
         period_s(ToSeconds(period_ns)),
         limits(CommandedLimits(robot.limits)),

@@ -54,6 +54,12 @@ int BodyParameters::units() const {
   return n;
 }
 
+int BodyParameters::disks() const {
+  int n = 0;
+  for (const auto& s : sections) n += s.units / s.units_per_disk;
+  return n;
+}
+
 int BodyParameters::tendons() const {
   int n = 0;
   for (const auto& s : sections) n += static_cast<int>(s.tendons.size());

@@ -18,6 +18,7 @@
 #include "tendril/control/tip_feedback.h"
 #include "tendril/core/clock.h"
 #include "tendril/daemon/wiring.h"
+#include "tendril/model/bending_model.h"
 #include "tendril/model/body.h"
 #include "tendril/model/held_directions.h"
 #include "tendril/model/pull_cone.h"
@@ -69,7 +70,8 @@ std::string FeedbackComment(const DaemonParameters& daemon, const RobotParameter
 }
 
 // Bends that the tendons do not hold: goals beyond them are limited, which is rarely intended.
-std::string ReachWarning(const DaemonParameters& daemon, const RobotParameters& robot) {
+std::string ReachWarning(const DaemonParameters& daemon, const RobotParameters& file) {
+  const RobotParameters robot = model::ControlModel(file);
   const LimitParameters& limits = robot.limits;
   const model::Body body(robot.body);
   const bool every_way = model::PullsEveryWay(robot.body);

@@ -21,8 +21,8 @@ double SectionNorm(const VectorXd& bending) {
 }
 
 Allowance::Allowance(const RobotParameters& robot, const ControllerParameters& controller)
-    : robot_(robot),
-      body_(robot.body),
+    : robot_(model::ControlModel(robot)),
+      body_(robot_.body),
       arcs_(body_),
       sections_(body_.sections()),
       tendons_(body_.tendons()),

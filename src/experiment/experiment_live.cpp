@@ -17,6 +17,7 @@
 #include "tendril/io/client.h"
 #include "tendril/io/connection.h"
 #include "tendril/io/wire.h"
+#include "tendril/model/bending_model.h"
 #include "tendril/model/pull_cone.h"
 
 namespace tendril::experiment {
@@ -27,7 +28,7 @@ namespace {
 BendingVector RestBend(const RobotParameters& robot) {
   BendingVector rest_rad = BendingVector::Zero(2 * static_cast<int>(robot.body.sections.size()));
   if (model::PullsEveryWay(robot.body)) return rest_rad;
-  const model::Body body(robot.body);
+  const model::Body body(model::BendingModel(robot.body));
   control::NearestHeld(body, robot.limits.min_tension_N, robot.limits.max_tension_base_N).Project(rest_rad);
   return rest_rad;
 }

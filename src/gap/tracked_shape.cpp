@@ -159,7 +159,7 @@ Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters
   const model::Body body(folded.body);
   const int units = body.units();
   Eigen::MatrixXd shortening(samples, body.tendons());
-  Eigen::VectorXd q(2 * units), d(body.tendons());
+  Eigen::VectorXd q(body.dof()), d(body.tendons());
   int at = 0;
   for (int i = 0; i < samples; ++i) {
     const double seen_at = i * run.signals.step_s + delay_s + late_s;
@@ -171,7 +171,7 @@ Eigen::MatrixXd MeasuredShortening(const PreparedRun& run, const RobotParameters
     for (int part = 0; part < parts; ++part) {
       const int first = bent ? body.first_unit(part) : 0, end = bent ? body.end_unit(part) : units;
       for (int u = first; u < end; ++u)
-        q.segment<2>(2 * u) += delta.segment<2>(2 * part).transpose() / (end - first);
+        q.segment<2>(body.coordinate(u)) += delta.segment<2>(2 * part).transpose() / (end - first);
     }
     body.TendonShortening(q, d);
     shortening.row(i) = d.transpose();

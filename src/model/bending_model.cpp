@@ -52,6 +52,11 @@ BodyParameters BendingModel(const BodyParameters& body) {
   return bending;
 }
 
+RobotParameters ControlModel(RobotParameters robot) {
+  robot.body = BendingModel(robot.body);
+  return robot;
+}
+
 std::optional<double> WorstTipErrorOfBending(const RobotParameters& robot) {
   const Body body(robot.body), bending(BendingModel(robot.body));
   double worst_m = 0;

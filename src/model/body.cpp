@@ -41,7 +41,8 @@ void CheckStrains(const SectionParameters& s, const std::string& where) {
   }
   if (s.extension) Require(Positive(s.UnitAxialStiffness()), where + "axial_stiffness_N must be positive");
   if (s.shear) {
-    Require(s.shear_stiffness_N || s.poissons_ratio, where + "shear needs shear_stiffness_N or poissons_ratio");
+    Require(s.shear_stiffness_N || s.poissons_ratio,
+            where + "shear needs shear_stiffness_N or poissons_ratio");
     Require(Positive(s.UnitShearStiffness()), where + "shear_stiffness_N must be positive");
   }
   Require(NotNegative(s.torsional_damping_Nms), where + "torsional_damping_Nms must not be negative");
@@ -73,7 +74,9 @@ Body::Body(const BodyParameters& parameters) : parameters_(parameters) {
     }
     units_ += s.units;
     first_unit_.push_back(units_);
+    end_disk_.push_back(disks());
   }
+  coordinate_.push_back(dof_);
   unit_.back().mass_kg += parameters_.tip_payload_kg;
   for (const UnitDeviation& d : parameters_.unit_deviations) {
     const std::string where = "unit " + std::to_string(d.unit) + ": ";
@@ -87,6 +90,19 @@ Body::Body(const BodyParameters& parameters) : parameters_(parameters) {
   }
   if (parameters_.twist_rad_per_m != 0) AddTwist();
   if (!parameters_.BendsOnly()) strained_ = std::make_shared<const StrainedChain>(parameters_);
+  SetDamping();
+}
+
+void Body::SetDamping() {
+  damping_Nms_.resize(dof_);
+  for (int i = 0; i < units_; ++i) {
+    damping_Nms_.segment<2>(coordinate(i)).setConstant(unit_[i].damping_Nms);
+    if (!strained_) continue;
+    const StrainedUnit& unit = strained_->units()[static_cast<std::size_t>(i)];
+    for (int a = 2; a < kStrains; ++a) {
+      if (unit.Has(a)) damping_Nms_[unit.IndexOf(a)] = unit.damping[static_cast<std::size_t>(a)];
+    }
+  }
 }
 
 void Body::CheckSections() {

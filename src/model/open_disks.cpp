@@ -44,7 +44,8 @@ std::string WhyDisksClose(const Body& body, ConstVectorRef q) {
   const auto unit = FirstClosedUnit(body, q);
   if (!unit) return {};
   const StrainVector strains = body.StrainsOf(*unit, q);
-  std::string text = "unit " + std::to_string(*unit + 1) + " is bent by " + Number(strains.head<2>().norm()) + " rad";
+  std::string text =
+      "unit " + std::to_string(*unit + 1) + " is bent by " + Number(strains.head<2>().norm()) + " rad";
   if (body.bends_only()) return text + ": its disks would cut through each other; bend it less";
   if (body.twists(*unit)) text += ", twisted by " + Number(strains[2]) + " rad";
   if (body.stretches(*unit)) text += ", stretched by " + Number(strains[3]) + " of its length";

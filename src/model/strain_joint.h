@@ -1,5 +1,5 @@
-// One unit of constant strain as a joint of the chain: bending (u, v), torsion w, extension e and shear (sx, sy).
-// Shared by the files of the strained chain; unit_joint.h is the same for units that only bend.
+// One unit of constant strain as a joint of the chain: bending (u, v), torsion w, extension e and shear (sx,
+// sy). Shared by the files of the strained chain; unit_joint.h is the same for units that only bend.
 //
 // The unit's strain is constant in its own frame: its end is exp(xi^) of its start, xi = [phi; l m] with
 // phi = (-v, u, w) and m = (sx, sy, 1 + e) (Renda et al., 2018). With the Stumpff functions c_k(|phi|^2) and
@@ -39,7 +39,8 @@ struct StrainJoint {
   std::array<Vec, kTurns> jw;    // angular velocity; extension and shear do not turn
 
   Vec Moving(const Strains& rate) const {
-    return rate.u * jv[0] + rate.v * jv[1] + rate.w * jv[2] + rate.e * jv[3] + rate.sx * jv[4] + rate.sy * jv[5];
+    return rate.u * jv[0] + rate.v * jv[1] + rate.w * jv[2] + rate.e * jv[3] + rate.sx * jv[4] +
+           rate.sy * jv[5];
   }
   Vec Turning(const Strains& rate) const { return rate.u * jw[0] + rate.v * jw[1] + rate.w * jw[2]; }
   Vec Turning(int a) const { return a < kTurns ? jw[static_cast<std::size_t>(a)] : kZero; }
@@ -108,10 +109,9 @@ inline void RelativeBias(const Mat& r_wa, double l, const Strains& q, const Stra
   // d2(J m)/dt2 = (d2J/dt2) m + 2 (dJ/dt) dm/dt.
   const double pm = phi.dot(m), rm = rate.dot(m), pd = phi.dot(dm), rd = rate.dot(dm);
   const Vec across = ddc2 * m + (2 * dc2) * dm;
-  const Vec second = ddc1 * m + (2 * dc1) * dm + Cross(phi, across) +
-                     Cross(rate, (2 * dc2) * m + (2 * c[2]) * dm) +
-                     (ddc3 * pm + 2 * (dc3 * (rm + pd) + c[3] * rd)) * phi +
-                     (2 * (dc3 * pm + c[3] * (rm + pd))) * rate;
+  const Vec second =
+      ddc1 * m + (2 * dc1) * dm + Cross(phi, across) + Cross(rate, (2 * dc2) * m + (2 * c[2]) * dm) +
+      (ddc3 * pm + 2 * (dc3 * (rm + pd) + c[3] * rd)) * phi + (2 * (dc3 * pm + c[3] * (rm + pd))) * rate;
   linear = l * (r_wa * second);
   const Vec turn = (s * (k.d1 + c[3])) * rate + dc2 * Cross(phi, rate) + (dc3 * s + c[3] * square) * phi;
   angular = r_wa * turn;
@@ -129,7 +129,7 @@ inline StrainCurvature::StrainCurvature(double l, const Strains& q, const Strain
   const auto& c = k.c;
   const double d4 = 4 * c[6] - c[5], d5 = 5 * c[7] - c[6];
   const double e1 = k.d3 - k.d2, e2 = 2 * d4 - k.d3, e3 = 3 * d5 - d4;
-  const std::array<double, kTurns> at{q.u, q.v, q.w};                               // phi . axis
+  const std::array<double, kTurns> at{q.u, q.v, q.w};                             // phi . axis
   const std::array<Vec, kTurns> axis{Vec(0, 1, 0), Vec(-1, 0, 0), Vec(0, 0, 1)};  // dphi by the strain
   const Vec phi = q.rotation(), m = q.shift(1);
   const double pm = phi.dot(m);

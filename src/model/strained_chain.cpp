@@ -10,15 +10,20 @@ namespace {
 
 std::array<double, kStrains> Stiffness(const SectionParameters& s) {
   const double bending = s.UnitStiffness(), sideways = s.shear ? s.UnitShearStiffness() : 0;
-  return {bending, bending, s.torsion ? s.UnitTorsionalStiffness() : 0,
-          s.extension ? s.UnitAxialStiffness() : 0, sideways, sideways};
+  return {
+      bending,  bending, s.torsion ? s.UnitTorsionalStiffness() : 0, s.extension ? s.UnitAxialStiffness() : 0,
+      sideways, sideways};
 }
 
 std::array<double, kStrains> Damping(const SectionParameters& s) {
   const double square = s.unit_length_m * s.unit_length_m;
   const double sideways = s.shear_damping_Nspm * square;
-  return {s.bending_damping_Nms, s.bending_damping_Nms, s.torsional_damping_Nms, s.axial_damping_Nspm * square,
-          sideways, sideways};
+  return {s.bending_damping_Nms,
+          s.bending_damping_Nms,
+          s.torsional_damping_Nms,
+          s.axial_damping_Nspm * square,
+          sideways,
+          sideways};
 }
 
 Vec Hole(const TendonRoute& route, double turn_rad) {

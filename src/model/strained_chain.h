@@ -1,5 +1,5 @@
-// The chain of units of constant strain: what a Body computes where a section twists, stretches or shears or has
-// several units a disk. Functions, frames and units as in tendril/model/body.h. Knows nothing of motors.
+// The chain of units of constant strain: what a Body computes where a section twists, stretches or shears or
+// has several units a disk. Functions, frames and units as in tendril/model/body.h. Knows nothing of motors.
 #pragma once
 
 #include <algorithm>

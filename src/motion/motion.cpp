@@ -6,6 +6,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "tendril/model/bending_model.h"
 #include "tendril/model/held_directions.h"
 #include "tendril/model/pull_cone.h"
 
@@ -184,7 +185,7 @@ class Spiral final : public OnArcs {
 class PlanarBend final : public Motion {
  public:
   explicit PlanarBend(const RobotParameters& robot)
-      : model_(robot.body),
+      : model_(model::BendingModel(robot.body)),
         per_rad_(Spread(robot.body, 1, 0)),
         start_rad_(BendingVector::Zero(per_rad_.size())) {
     name_ = "planar";

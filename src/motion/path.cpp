@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "tendril/core/tip_unit.h"
+#include "tendril/model/bending_model.h"
 #include "tendril/model/inverse.h"
 
 namespace tendril::motion {
@@ -361,7 +362,10 @@ void RequireWithinBend(const Spline& curve, const RobotParameters& robot, const 
 }
 
 TipSolver::TipSolver(const RobotParameters& robot, bool nearest)
-    : robot_(robot), body_(robot.body), nearest_(nearest), last_(BendingVector::Zero(2 * body_.sections())) {}
+    : robot_(model::ControlModel(robot)),
+      body_(robot_.body),
+      nearest_(nearest),
+      last_(BendingVector::Zero(2 * body_.sections())) {}
 
 VectorXd TipSolver::Solve(const Vector3d& tip_W_m, const std::string& name) {
   const model::InverseKinematics kinematics(body_, robot_.limits.max_bending_rad);

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <utility>
 
+#include "tendril/model/bending_model.h"
+
 namespace tendril::motion {
 namespace {
 
@@ -27,7 +29,7 @@ Command BendingTarget(const VectorXd& bending_rad, const VectorXd& rate_radps) {
 
 class BendingMotion : public Motion {
  public:
-  explicit BendingMotion(const RobotParameters& robot) : model_(robot.body) {}
+  explicit BendingMotion(const RobotParameters& robot) : model_(model::BendingModel(robot.body)) {}
   Eigen::Vector3d TipAt(double t_s) const override {
     VectorXd q(model_.dof());
     model_.SpreadBending(At(t_s).bending_rad, q);

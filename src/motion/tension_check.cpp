@@ -10,6 +10,7 @@
 #include "tendril/control/controller.h"
 #include "tendril/control/reach.h"
 #include "tendril/model/arc_tensions.h"
+#include "tendril/model/bending_model.h"
 #include "tendril/model/capstan.h"
 #include "tendril/model/held_directions.h"
 
@@ -28,10 +29,10 @@ struct Instant {
 class Check {
  public:
   explicit Check(const RobotParameters& robot)
-      : robot_(robot),
-        body_(robot.body),
+      : robot_(model::ControlModel(robot)),
+        body_(robot_.body),
         arcs_(body_),
-        reach_(robot, body_, control::CommandedLimits(robot.limits), 0, true),
+        reach_(robot_, body_, control::CommandedLimits(robot_.limits), 0, true),
         tables_(model::MakeCapstanTables(robot.actuation->tendons, robot.limits.max_tension_motor_N)),
         q_(UnitVector::Zero(body_.dof())) {}
 

@@ -25,8 +25,8 @@ void BodyLaws::WeighLengths(const model::Body& body, model::ConstVectorRef q,
   share.setOnes();
   for (const auto& law : laws_) law->Share(body, q, share);
   for (int i = 0; i < body.units(); ++i) {
-    weighted.col(2 * i) = length_jacobian.col(2 * i).cwiseProduct(share.col(i));
-    weighted.col(2 * i + 1) = length_jacobian.col(2 * i + 1).cwiseProduct(share.col(i));
+    for (int a = body.coordinate(i); a < body.coordinate(i + 1); ++a)
+      weighted.col(a) = length_jacobian.col(a).cwiseProduct(share.col(i));
   }
 }
 

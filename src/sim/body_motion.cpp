@@ -35,8 +35,7 @@ BodyStepper::BodyStepper(const model::Body& body, const BodyLaws& laws, double n
       workspace_(body),
       n_(body.dof()),
       m_(body.tendons()) {
-  for (auto* v :
-       {&q_, &v_, &a_, &algorithm_, &q_new_, &v_new_, &a_new_, &residual_, &step_, &damping_, &law_force_}) {
+  for (auto* v : {&q_, &v_, &a_, &algorithm_, &q_new_, &v_new_, &a_new_, &residual_, &step_, &law_force_}) {
     v->setZero(n_);
   }
   for (auto* v : {&shortening_, &shortening_rate_, &tension_, &reference_tension_, &active_rhs_,
@@ -51,11 +50,6 @@ BodyStepper::BodyStepper(const model::Body& body, const BodyLaws& laws, double n
   small_.setZero(m_, m_);
   active_matrix_.setZero(m_, m_);
   pull_.resize(static_cast<std::size_t>(m_));
-  int at = 0;
-  for (const auto& section : body.parameters().sections) {
-    damping_.segment(at, 2 * section.units).setConstant(section.bending_damping_Nms);
-    at += 2 * section.units;
-  }
 }
 
 // Residual of the equations of motion at the iterate.
@@ -94,7 +88,7 @@ bool BodyStepper::Refresh(double h) {
   body_.TangentStiffness(q_new_, tension_, Eigen::Vector3d::Zero(), stiffness_);
   if (!plain_) laws_.AddStiffness(body_, q_new_, tension_, stiffness_);
   matrix_ = mass_ + (h * h * kBendWeight) * stiffness_;
-  matrix_.diagonal() += (h * kRateWeight) * damping_;
+  matrix_.diagonal() += (h * kRateWeight) * body_.damping_Nms();
   if (plain_) {
     const Eigen::LLT<Eigen::MatrixXd> cholesky(matrix_);
     if (cholesky.info() != Eigen::Success) return false;

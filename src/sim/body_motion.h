@@ -86,7 +86,7 @@ class BodyStepper {
 
   // Newton's matrix at a nearby shape for a step h: inverse of the body's part, and of it across = inverse
   // Jw^T and small = J inverse Jw^T for the tendons'.
-  Eigen::VectorXd damping_, reference_q_, reference_tension_;
+  Eigen::VectorXd reference_q_, reference_tension_;
   Eigen::MatrixXd mass_, stiffness_, matrix_, inverse_, reference_jacobian_, across_, small_;
   double reference_h_ = 0;
   std::vector<int> active_;

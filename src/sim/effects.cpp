@@ -269,8 +269,8 @@ EffectSetting ParseEffect(std::string_view text, const RobotParameters& robot) {
 
 void CheckEffects(const RobotParameters& robot) { ResolveAll(robot, Bounds::kChecked); }
 
-RobotParameters LoadRobot(const std::string& path, config::KnownStrains known) {
-  RobotParameters robot = config::LoadRobot(path, known);
+RobotParameters LoadRobot(const std::string& path) {
+  RobotParameters robot = config::LoadRobot(path);
   try {
     CheckEffects(robot);
   } catch (const EffectError& e) {

@@ -76,10 +76,6 @@ struct Plant::Impl final : OdeSystem {
     for (std::size_t j = 0; j < tables.size(); ++j) {
       drive.emplace_back(actuation.tendons[j], robot.limits.min_tension_N, tables[j], laws.tendon[j]);
     }
-    for (const auto& section : robot.body.sections) {
-      for (int i = 0; i < 2 * section.units; ++i) damping.push_back(section.bending_damping_Nms);
-    }
-
     length_jacobian.setZero(m, n);
     weighted.setZero(m, n);
     shortening.setZero(m);
@@ -211,7 +207,7 @@ struct Plant::Impl final : OdeSystem {
 
   bool SolveBending(double gamma, const ConstVector& b_bend, const ConstVector& b_rate, Vector& rate) {
     newton = mass + gamma * gamma * stiffness;
-    for (int i = 0; i < n; ++i) newton(i, i) += gamma * damping[i];
+    for (int i = 0; i < n; ++i) newton(i, i) += gamma * body.damping_Nms()[i];
     for (int j = 0; j < m; ++j) {
       newton.noalias() += weight[j] * length_jacobian.row(j).transpose() * length_jacobian.row(j);
     }
@@ -232,7 +228,7 @@ struct Plant::Impl final : OdeSystem {
     law_stiffness = stiffness;
     laws.body.AddStiffness(body, evaluated_q, tension, law_stiffness);
     newton = mass + gamma * gamma * law_stiffness;
-    for (int i = 0; i < n; ++i) newton(i, i) += gamma * damping[i];
+    for (int i = 0; i < n; ++i) newton(i, i) += gamma * body.damping_Nms()[i];
     for (int j = 0; j < m; ++j) {
       newton.noalias() += weight[j] * weighted.row(j).transpose() * length_jacobian.row(j);
     }
@@ -359,9 +355,8 @@ struct Plant::Impl final : OdeSystem {
   Sensors sensor;
   model::Body body;
   model::Body::Workspace workspace;
-  int n, m;  // bending coordinates, tendons
+  int n, m;  // coordinates of the body, tendons
   std::vector<Drivetrain> drive;
-  std::vector<double> damping;
 
   // As last evaluated, within a step or at its accepted end.
   Eigen::MatrixXd length_jacobian;
@@ -389,10 +384,7 @@ struct Plant::Impl final : OdeSystem {
 };
 
 Plant::Plant(const RobotParameters& robot, const PlantOptions& options)
-    : impl_(std::make_unique<Impl>(robot, options)) {
-  if (!impl_->body.bends_only())
-    throw std::invalid_argument("plant: knows bodies that only bend, one unit a disk");
-}
+    : impl_(std::make_unique<Impl>(robot, options)) {}
 Plant::~Plant() = default;
 
 int Plant::tendons() const { return impl_->m; }

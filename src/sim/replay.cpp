@@ -476,7 +476,8 @@ MatrixXd Replay::Impl::Shortening(const ReplaySignals& s, const MatrixXd& q) con
       for (int axis = 0; axis < 2; ++axis) {
         auto column = off.col(2 * k + axis);
         column = s.bending_rad.col(2 * k + axis);
-        for (int i = body.first_unit(k); i < body.end_unit(k); ++i) column -= q.row(2 * i + axis).transpose();
+        for (int i = body.first_unit(k); i < body.end_unit(k); ++i)
+          column -= q.row(body.coordinate(i) + axis).transpose();
         if (!Bridge(column)) column.setZero();
         column /= body.end_unit(k) - body.first_unit(k);
       }
@@ -485,10 +486,11 @@ MatrixXd Replay::Impl::Shortening(const ReplaySignals& s, const MatrixXd& q) con
   MatrixXd shortening(samples, m);
   VectorXd shape(n), d(m);
   for (Index t = 0; t < samples; ++t) {
+    shape = q.col(t);
     for (int k = 0; k < sections; ++k) {
       for (int i = body.first_unit(k); i < body.end_unit(k); ++i) {
-        shape[2 * i] = q(2 * i, t) + off(t, 2 * k);
-        shape[2 * i + 1] = q(2 * i + 1, t) + off(t, 2 * k + 1);
+        shape[body.coordinate(i)] += off(t, 2 * k);
+        shape[body.coordinate(i) + 1] += off(t, 2 * k + 1);
       }
     }
     body.TendonShortening(shape, d);
@@ -516,7 +518,8 @@ void Replay::Impl::Track(const MatrixXd& q, double late, BodyMotion& motion) con
     motion.tip_rotation.row(i) = (rotation.angle() * rotation.axis()).transpose();
     for (int section = 0; section < body.sections(); ++section) {
       Eigen::Vector2d bend(0, 0);
-      for (int u = body.first_unit(section); u < body.end_unit(section); ++u) bend += shape.segment<2>(2 * u);
+      for (int u = body.first_unit(section); u < body.end_unit(section); ++u)
+        bend += shape.segment<2>(body.coordinate(u));
       motion.bending_rad.row(i).segment<2>(2 * section) = sensor.Tracked(bend).transpose();
     }
   }

@@ -32,7 +32,8 @@ RobotParameters ReferenceRig() {
 
 double MassOf(const BodyParameters& body) {
   double mass_kg = 0;
-  for (const SectionParameters& s : body.sections) mass_kg += s.units * s.unit_mass_kg;
+  for (const SectionParameters& s : body.sections)
+    mass_kg += s.units * s.unit_mass_kg + s.units / s.units_per_disk * s.disk_mass_kg;
   return mass_kg;
 }
 

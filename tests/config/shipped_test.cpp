@@ -26,7 +26,7 @@ TEST(Shipped, EveryFileLoads) {
     if (KindOf(entry.path()) == "scenario") {
       EXPECT_FALSE(LoadScenario(entry.path()).empty());
     } else if (KindOf(entry.path()) == "robot") {
-      const RobotParameters robot = LoadRobot(entry.path(), KnownStrains::kAll);
+      const RobotParameters robot = LoadRobot(entry.path());
       EXPECT_EQ(robot.name, entry.path().stem());
     } else {
       const DaemonParameters daemon = LoadDaemon(entry.path());

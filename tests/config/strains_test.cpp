@@ -30,13 +30,13 @@ std::string RefusalOf(const std::string& yaml) {
 TEST(Strains, ABodyThatOnlyBendsHasAndWritesNone) {
   const RobotParameters robot = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
   EXPECT_TRUE(robot.body.BendsOnly());
-  for (const char* key :
-       {"strains", "units_per_disk", "disk_mass_kg", "poissons_ratio", "torsional", "axial", "shear", "rest_"})
+  for (const char* key : {"strains", "units_per_disk", "disk_mass_kg", "poissons_ratio", "torsional", "axial",
+                          "shear", "rest_"})
     EXPECT_THAT(ToYaml(robot), Not(HasSubstr(key)));
 }
 
 TEST(Strains, TheShippedRodIsThePapersWireBetweenFiveDisks) {
-  const RobotParameters robot = LoadRobot(ConfigPath(kRod), KnownStrains::kAll);
+  const RobotParameters robot = LoadRobot(ConfigPath(kRod));
   const SectionParameters& s = robot.body.sections.front();
   EXPECT_TRUE(s.torsion && s.extension && s.shear);
   EXPECT_DOUBLE_EQ(robot.body.length_m(), 0.09);
@@ -52,7 +52,7 @@ TEST(Strains, TheShippedRodIsThePapersWireBetweenFiveDisks) {
 }
 
 TEST(Strains, ComeBackBitForBit) {
-  RobotParameters robot = LoadRobot(ConfigPath(kRod), KnownStrains::kAll);
+  RobotParameters robot = LoadRobot(ConfigPath(kRod));
   SectionParameters& s = robot.body.sections.front();
   s.poissons_ratio.reset();
   s.torsional_stiffness_Nm2 = 1.0 / 3e3;
@@ -89,7 +89,8 @@ TEST(Strains, ComeBackBitForBit) {
 }
 
 TEST(Strains, WhatMakesNoSenseIsRefusedWithItsLineKeyAndRange) {
-  const std::string rod = ReadText(ConfigPath(kRod)), strains = "strains: [bending, torsion, extension, shear]";
+  const std::string rod = ReadText(ConfigPath(kRod)),
+                    strains = "strains: [bending, torsion, extension, shear]";
   const std::string ratio = "poissons_ratio: 0.3 ";
   const auto refused = [&](const std::string& from, const std::string& to, const std::string& key,
                            const std::string& accepted) {
@@ -102,12 +103,14 @@ TEST(Strains, WhatMakesNoSenseIsRefusedWithItsLineKeyAndRange) {
   refused("units_per_disk: 2", "units_per_disk: 3", "units_per_disk", "a divisor of units");
   refused(ratio, "", "strains", "torsion beside poissons_ratio (-0.99 .. 0.5)");
   refused(ratio, "poissons_ratio: 0.6 ", "poissons_ratio", "-0.99 .. 0.5");
-  EXPECT_EQ(RefusalOf(Edited(rod, ratio, "poissons_ratio: 0.3\n      torsional_stiffness_Nm2: 1e-3 ")), "accepted");
+  EXPECT_EQ(RefusalOf(Edited(rod, ratio, "poissons_ratio: 0.3\n      torsional_stiffness_Nm2: 1e-3 ")),
+            "accepted");
   refused(ratio, "poissons_ratio: 0.3\n      torsional_stiffness_Nm2: 1e-3\n      shear_stiffness_N: 6e3 ",
           "poissons_ratio", "one of the two");
   refused(ratio, "torsional_stiffness_Nm2: 1e-3 ", "strains", "shear beside poissons_ratio (-0.99 .. 0.5)");
   refused(ratio, "poissons_ratio: 0.3\n      shear_stiffness_N: 0 ", "shear_stiffness_N", "0.001 .. ");
-  refused(ratio, "shear_stiffness_N: 6e3\n      torsional_stiffness_Nm2: -1 ", "torsional_stiffness_Nm2", "1e-12 .. 1000000 N·m²");
+  refused(ratio, "shear_stiffness_N: 6e3\n      torsional_stiffness_Nm2: -1 ", "torsional_stiffness_Nm2",
+          "1e-12 .. 1000000 N·m²");
   refused(ratio, "poissons_ratio: 0.3\n      axial_stiffness_N: 0 ", "axial_stiffness_N", "0.001 .. ");
   refused(ratio, "poissons_ratio: 0.3\n      axial_damping_Nspm: -1 ", "axial_damping_Nspm", "0 .. ");
   refused(ratio, "poissons_ratio: 0.3\n      rest_extension: -1 ", "rest_extension", "-0.5 .. 1");
@@ -115,14 +118,15 @@ TEST(Strains, WhatMakesNoSenseIsRefusedWithItsLineKeyAndRange) {
   refused(strains, "strains: [bending, warping]", "strains", "bending, torsion, extension, shear");
   refused(strains, "strains: [bending, bending]", "strains", "bending, torsion, extension");
   refused(strains, "strains: bending", "strains", "");
-  refused(strains, "strains: [bending, extension]", "poissons_ratio", "only where strains names torsion or shear");
+  refused(strains, "strains: [bending, extension]", "poissons_ratio",
+          "only where strains names torsion or shear");
 }
 
 TEST(Strains, WhatKnowsBendingAloneSaysSo) {
   const std::string path = ConfigPath(kRod);
   const auto refusal = [](const std::string& file) -> std::string {
     try {
-      LoadRobot(file);
+      RequireBendingOnly(LoadRobot(file).body, file, "tendril model ik");
     } catch (const ConfigError& e) {
       return e.what();
     }

@@ -188,8 +188,9 @@ TEST_F(ModelCommand, WhatKnowsBendingAloneRefusesOtherStrains) {
     const Result result = Run(command, "", "rod_5disks");
     EXPECT_EQ(result.code, 1) << command;
     EXPECT_EQ(std::count(result.error.begin(), result.error.end(), '\n'), 1);
-    EXPECT_THAT(result.error, HasSubstr("body.sections[1].strains: torsion, extension, shear: tendril model " +
-                                        std::string(command) + " knows bending alone"));
+    EXPECT_THAT(result.error,
+                HasSubstr("body.sections[1].strains: torsion, extension, shear: tendril model " +
+                          std::string(command) + " knows bending alone"));
   }
 }
 

@@ -84,6 +84,26 @@ TEST(PlantSigns, PositiveTorquePullsTheTendonAndBendsTowardsIt) {
   EXPECT_LT(plant.tendon()[1].motor_angle_rad, 0);
 }
 
+// With every strain: at rest where the statics say, twisted by a force across the bend.
+TEST(PlantOfARod, SettlesInTheEquilibriumOfItsTensions) {
+  RobotParameters robot = Rig("rod_90mm");
+  robot.body.tip_force_W_N = {0, 0.03, 0};
+  Plant plant(robot);
+  Eigen::VectorXd torque = Holding(robot);
+  torque[0] = 0.002;
+  Hold(plant, torque, 4000);
+  Eigen::VectorXd tension(3);
+  for (int j = 0; j < 3; ++j) tension[j] = plant.tendon()[static_cast<std::size_t>(j)].tension_base_N;
+  const model::Body& body = plant.body();
+  const model::Equilibrium still = model::SolveStatics(body, tension, {});
+  ASSERT_EQ(still.result, model::StaticsResult::kConverged);
+  EXPECT_LT((plant.q() - still.q).cwiseAbs().maxCoeff(), 1e-5);
+  EXPECT_LT((plant.TipPose().p_WA - body.TipPose(still.q).p_WA).norm(), 1e-6);
+  const model::StrainVector first = body.StrainsOf(0, plant.q());
+  EXPECT_GT(std::abs(first[2]), 1e-3);
+  EXPECT_LT(first[3], -1e-5);
+}
+
 // The same laws in another language, formulation and integrator (tests/sim/reference/plant_reference.py): a
 // hard pull of one tendon to 5 N with the others paid out and slack, a reversal, a stop; and the pull again
 // on a body that is not as drawn.

@@ -91,8 +91,8 @@ TEST_P(ReplayOfThePlant, EveryCutGivesWhatThePlantDid) {
 INSTANTIATE_TEST_SUITE_P(SlowAndFast, ReplayOfThePlant, testing::Bool(),
                          [](const auto& with) { return with.param ? "multisine" : "triangles"; });
 
-TEST(ReplayOfOtherRobots, FourTendonsAndTwoSections) {
-  for (const char* file : {"four_tendon_90mm", "two_section"}) {
+TEST(ReplayOfOtherRobots, FourTendonsTwoSectionsAndAllStrains) {
+  for (const char* file : {"four_tendon_90mm", "two_section", "rod_90mm"}) {
     const RobotParameters robot = Rig(file);
     const Recording r = Record(robot, test::Multisine(robot), 3000);
     for (const auto by : {Replay::DrivenBy::kCell, Replay::DrivenBy::kMotor}) {

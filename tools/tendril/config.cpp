@@ -32,7 +32,7 @@ void Draw(const RobotParameters& robot, const std::string& file) {
 
 void Check(const std::string& path, const std::string& drawing) {
   if (config::KindOf(path) == "robot") {
-    const RobotParameters robot = sim::LoadRobot(path, config::KnownStrains::kAll);
+    const RobotParameters robot = sim::LoadRobot(path);
     RobotParameters bending = robot;
     bending.body = model::BendingModel(robot.body);
     Draw(bending, drawing);

@@ -18,7 +18,9 @@ io::CsvReader Stdin(Names required, std::vector<Names> optional) {
 Names StrainColumns(const model::Body& body, std::string_view prefix) {
   Names names;
   for (int i = 0; i < body.units(); ++i) {
-    const auto add = [&](std::string_view strain) { names.push_back(fmt::format("{}{}{}", prefix, strain, i + 1)); };
+    const auto add = [&](std::string_view strain) {
+      names.push_back(fmt::format("{}{}{}", prefix, strain, i + 1));
+    };
     add("u");
     add("v");
     if (body.twists(i)) add("w");
@@ -37,7 +39,7 @@ CLI::App* AddBendingEvaluation(CLI::App& model, const std::string& name, const s
   command->add_option("--robot", *file, "robot file (config/robots/*.yaml) whose units only bend")
       ->required();
   command->callback([file, name, run = std::move(run)] {
-    const RobotParameters robot = config::LoadRobot(*file, config::KnownStrains::kAll);
+    const RobotParameters robot = config::LoadRobot(*file);
     config::RequireBendingOnly(robot.body, *file, "tendril model " + name);
     run(robot);
   });
@@ -49,8 +51,7 @@ CLI::App* AddModelEvaluation(CLI::App& model, const std::string& name, const std
   CLI::App* command = model.add_subcommand(name, description);
   auto file = std::make_shared<std::string>();
   command->add_option("--robot", *file, "robot file (config/robots/*.yaml)")->required();
-  command->callback(
-      [file, run = std::move(run)] { run(config::LoadRobot(*file, config::KnownStrains::kAll)); });
+  command->callback([file, run = std::move(run)] { run(config::LoadRobot(*file)); });
   return command;
 }
 
@@ -75,7 +76,8 @@ void RequireOpenDisks(const io::CsvReader& rows, const model::Body& body, const 
 
 void AddModelCommand(CLI::App& app) {
   CLI::App* model = app.add_subcommand(
-      "model", "Evaluate the model row by row: CSV with a header on stdin, CSV on stdout, SI units; or export it");
+      "model",
+      "Evaluate the model row by row: CSV with a header on stdin, CSV on stdout, SI units; or export it");
   model->require_subcommand(1);
   AddModelDynamicsCommands(*model);
   AddModelStaticsCommands(*model);

@@ -8,6 +8,7 @@
 #include "commands.h"
 #include "model.h"
 #include "number_option.h"
+#include "tendril/config/config.h"
 #include "tendril/config/whole_file.h"
 #include "tendril/exchange/robot_model.h"
 #include "tendril/sim/effects.h"
@@ -49,6 +50,7 @@ void ExportModel(const ModelExport& o) {
   if (!o.mjcf.empty() && !o.urdf.empty() && place(o.mjcf) == place(o.urdf))
     throw UsageError("--mjcf and --urdf are one file; give two names");
   const RobotParameters robot = sim::FoldEffects(sim::LoadRobot(o.robot));
+  config::RequireBendingOnly(robot.body, o.robot, "tendril model export");
   exchange::MjcfOptions options{{}, o.friction_at_N, o.timestep_s};
   if (o.actuators != "auto") options.actuators = exchange::ActuatorsOf(o.actuators);
   if (options.actuators == exchange::Actuators::kMotors && !robot.actuation)

@@ -69,17 +69,19 @@ void Frequencies(const RobotParameters& robot) {
 
 void AddModelStaticsCommands(CLI::App& model) {
   auto disks = std::make_shared<bool>(false);
-  CLI::App* statics = AddModelEvaluation(model, "statics",
-                                         "T per tendon [and fx,fy,fz, mx,my,mz at the tip] -> u,v[,w][,e][,sx,sy] "
-                                         "per unit and tip x,y,z at the equilibrium "
-                                         "on the branch from zero tension",
-                                         [disks](const RobotParameters& robot) { Statics(robot, *disks); });
+  CLI::App* statics =
+      AddModelEvaluation(model, "statics",
+                         "T per tendon [and fx,fy,fz, mx,my,mz at the tip] -> u,v[,w][,e][,sx,sy] "
+                         "per unit and tip x,y,z at the equilibrium "
+                         "on the branch from zero tension",
+                         [disks](const RobotParameters& robot) { Statics(robot, *disks); });
   statics->add_flag("--disks", *disks,
                     "each disk's position and quaternion too: x1,y1,z1,qw1,qx1,qy1,qz1,x2,..");
   statics->footer(
       "fx,fy,fz [N] and mx,my,mz [N·m] act at the centre of the last disk and keep their direction in the "
       "base "
-      "frame.\nAfter each unit's u,v comes w of a backbone that twists, e of one that stretches and sx,sy of one that "
+      "frame.\nAfter each unit's u,v comes w of a backbone that twists, e of one that stretches and sx,sy of "
+      "one that "
       "shears.");
   AddModelEvaluation(
       model, "frequencies",

@@ -20,10 +20,8 @@ class ConfigError : public std::runtime_error {
 };
 
 /// Robot file (config/robots/*.yaml). Throws ConfigError for unknown, missing and duplicate keys, wrong types
-/// and values out of range; and for a robot that does more than bend unit by unit, unless the caller knows
-/// `kAll` strains.
-enum class KnownStrains { kBending, kAll };
-RobotParameters LoadRobot(const std::string& path, KnownStrains known = KnownStrains::kBending);
+/// and values out of range.
+RobotParameters LoadRobot(const std::string& path);
 RobotParameters ParseRobot(const std::string& yaml, const std::string& name_for_errors);
 
 /// Daemon file (config/tendrild.yaml); the robot file it names is resolved but not loaded.

@@ -83,6 +83,7 @@ struct BodyParameters {
   std::vector<UnitDeviation> unit_deviations;  // at most one a unit
 
   int units() const;
+  int disks() const;
   int tendons() const;
   double length_m() const;
   /// Distance of the outermost tendon hole from the axis.

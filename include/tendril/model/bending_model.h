@@ -1,5 +1,5 @@
-// The body that only bends as the projection of one that also twists and stretches: what a controller knows
-// of it, and how far off that is. For programs, not for the tick.
+// The body that only bends as the projection of one that also twists, stretches and shears: what a controller
+// knows of it, and how far off that is. For programs, not for the tick.
 #pragma once
 
 #include <optional>
@@ -8,9 +8,11 @@
 
 namespace tendril::model {
 
-/// One unit a disk, without torsion and extension: the same disks, masses, stiffness and damping of bending.
-/// A body that only bends comes back as it is.
+/// One unit a disk, without torsion, extension and shear: the same disks, masses, stiffness and damping of
+/// bending. A body that only bends comes back as it is.
 BodyParameters BendingModel(const BodyParameters& body);
+/// The robot with this body: what controls and plans knows of it.
+RobotParameters ControlModel(RobotParameters robot);
 
 /// The largest distance of the bending model's tip from the body's own, over the robot's loads: all tendons
 /// at limits.min_tension_N, and each in turn at limits.max_tension_base_N beside them, under its gravity and

@@ -2,10 +2,10 @@
 // Pure maths: no I/O, no exceptions after construction, no allocation outside constructors. Knows nothing of
 // motors.
 //
-// q = (u_1, v_1[, w_1][, e_1][, sx_1, sy_1], u_2, ...): of each unit the bend (u, v) = theta (cos beta, sin beta)
-// [rad] and, where its section has them, torsion w [rad] about its backbone, extension e and shear (sx, sy), the
-// motion of its end along and across it over unit_length_m; F_0 is the base frame. Forces on e, sx and sy are in
-// N·m like those on angles.
+// q = (u_1, v_1[, w_1][, e_1][, sx_1, sy_1], u_2, ...): of each unit the bend (u, v) = theta (cos beta, sin
+// beta) [rad] and, where its section has them, torsion w [rad] about its backbone, extension e and shear (sx,
+// sy), the motion of its end along and across it over unit_length_m; F_0 is the base frame. Forces on e, sx
+// and sy are in N·m like those on angles.
 #pragma once
 
 #include <Eigen/Core>
@@ -62,7 +62,7 @@ class Body {
   /// Whether q = (u_1, v_1, ..., u_N, v_N) and every unit ends at a disk. What only a body of this kind can
   /// do says so.
   bool bends_only() const { return strained_ == nullptr; }
-  /// Index in q of a unit's u; v follows, then w, e and (sx, sy) where the unit has them.
+  /// Index in q of a unit's u; v follows, then w, e and (sx, sy) where the unit has them. dof() for units().
   int coordinate(int unit) const { return strained_ ? coordinate_[unit] : 2 * unit; }
   bool twists(int unit) const { return SectionOf(unit).torsion; }
   bool stretches(int unit) const { return SectionOf(unit).extension; }
@@ -73,13 +73,16 @@ class Body {
   int disks() const { return static_cast<int>(disk_unit_.size()); }
   /// Unit (0-based) that ends at a disk (0-based).
   int disk_unit(int disk) const { return disk_unit_[disk]; }
+  /// First unit (0-based) of those between a disk (0-based) and the one before.
+  int span_unit(int disk) const { return disk > 0 ? disk_unit_[disk - 1] + 1 : 0; }
   int tendons() const { return static_cast<int>(tendons_.size()); }
   int sections() const { return static_cast<int>(parameters_.sections.size()); }
   /// First unit (0-based) of section k and one past its last.
   int first_unit(int section) const { return first_unit_[section]; }
   int end_unit(int section) const { return first_unit_[section + 1]; }
-  /// Section in which tendon j (0-based) ends.
+  /// Section in which tendon j (0-based) ends, and one past its last disk.
   int tendon_section(int tendon) const { return tendons_[tendon].section; }
+  int tendon_end_disk(int tendon) const { return end_disk_[tendons_[tendon].section]; }
   /// Bending stiffness of a unit (0-based) [N·m/rad] and the bend in which it is free of stress [rad].
   double unit_stiffness_Nm(int unit) const { return unit_[unit].stiffness_Nm; }
   Eigen::Vector2d rest_bend_rad(int unit) const { return {unit_[unit].rest_u, unit_[unit].rest_v}; }
@@ -87,6 +90,8 @@ class Body {
   void RestShape(VectorRef q) const noexcept;
   /// Stiffness times the strain from the rest shape [N·m].
   void ElasticForce(ConstVectorRef q, VectorRef force_Nm) const noexcept;
+  /// Viscous damping on each coordinate's rate [N·m·s].
+  const Eigen::VectorXd& damping_Nms() const { return damping_Nms_; }
   const BodyParameters& parameters() const { return parameters_; }
 
   /// Scratch memory of the dynamics, allocated once; one per thread.
@@ -166,7 +171,8 @@ class Body {
                  VectorRef force_Nm) const noexcept;
   Energy EnergyOf(ConstVectorRef q, ConstVectorRef dq, Workspace& workspace) const noexcept;
 
-  // ---- constant curvature over sections: all units of a section share its bend equally; other strains stay at
+  // ---- constant curvature over sections: all units of a section share its bend equally; other strains stay
+  // at
   //      rest ----
 
   /// q of the arc shape: u_i = us_k / n_k; us_vs has 2K entries.
@@ -180,6 +186,7 @@ class Body {
   const SectionParameters& SectionOf(int unit) const;
   void CheckSections();
   void AddTwist();
+  void SetDamping();
   void AddMomentStiffness(ConstVectorRef q, const Eigen::Vector3d& moment_W_Nm,
                           MatrixRef stiffness) const noexcept;
 
@@ -204,7 +211,8 @@ class Body {
 
   BodyParameters parameters_;
   int units_ = 0, dof_ = 0;
-  std::vector<int> first_unit_, disk_unit_, coordinate_;
+  std::vector<int> first_unit_, disk_unit_, end_disk_, coordinate_;
+  Eigen::VectorXd damping_Nms_;
   std::vector<Tendon> tendons_;
   std::vector<UnitConstants> unit_;
   std::vector<TwistedSpan> twisted_;  // N x M, empty without twist

@@ -11,7 +11,6 @@
 #include <string_view>
 #include <vector>
 
-#include "tendril/config/config.h"
 #include "tendril/core/robot.h"
 #include "tendril/sim/yardstick.h"
 
@@ -136,8 +135,7 @@ EffectSetting ParseEffect(std::string_view text, const RobotParameters& robot);
 /// Throws EffectError for the first of robot.effects that is not as ParseEffect wants it, or there twice.
 void CheckEffects(const RobotParameters& robot);
 /// config::LoadRobot with CheckEffects; config::ConfigError names the line of the entry that is wrong.
-RobotParameters LoadRobot(const std::string& path,
-                          config::KnownStrains known = config::KnownStrains::kBending);
+RobotParameters LoadRobot(const std::string& path);
 /// All of an effect's parameters in the order of ParametersOf: those the setting names, the others nominal.
 std::vector<double> ValuesOf(const EffectSetting& setting, const RobotParameters& robot);
 

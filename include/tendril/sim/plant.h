@@ -49,7 +49,7 @@ struct TrackerReading {
 class Plant {
  public:
   /// Starts straight, at rest, with every tendon at the minimum tension and the torque that holds it. Throws
-  /// std::invalid_argument when the robot has no actuation, or does more than bend, one unit a disk.
+  /// std::invalid_argument when the robot has no actuation.
   explicit Plant(const RobotParameters& robot, const PlantOptions& options = {});
   ~Plant();
   Plant(const Plant&) = delete;

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "tendril/model/bending_model.h"
 #include "tendril/model/body.h"
 #include "tendril/model/pull_cone.h"
 
@@ -102,7 +103,7 @@ MatrixXd Exponential(MatrixXd a) {
 class LinearRig {
  public:
   LinearRig(RobotParameters robot, double bend_rad, double period_s)
-      : robot_(std::move(robot)), m_(robot_.body.tendons()), period_s_(period_s) {
+      : robot_(model::ControlModel(std::move(robot))), m_(robot_.body.tendons()), period_s_(period_s) {
     const model::Body body(robot_.body);
     body_ = Reduced(Linearise(body, bend_rad, robot_.limits.min_tension_N), body.sections(),
                     robot_.actuation->tendons[0].tendon.stiffness_Npm);

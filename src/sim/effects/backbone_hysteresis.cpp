@@ -26,41 +26,44 @@ class HysteresisLaw final : public BodyLaw {
   }
   std::unique_ptr<BodyLaw> Clone() const override { return std::make_unique<HysteresisLaw>(*this); }
 
-  void AddForce(const model::Body&, model::ConstVectorRef q, model::ConstVectorRef, double,
+  void AddForce(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef, double,
                 model::VectorRef force_Nm) const noexcept override {
     for (int i = units_.first; i < units_.end; ++i) {
+      const int at = body.coordinate(i);
       for (int k = 0; k < kElements; ++k) {
-        const Slip slip = Peek(i, k, q);
+        const Slip slip = Peek(i, k, q.segment<2>(at));
         const double stiffness = moment_Nm_ / (kElements * Yield(k));
-        force_Nm[2 * i] -= stiffness * slip.u;
-        force_Nm[2 * i + 1] -= stiffness * slip.v;
+        force_Nm[at] -= stiffness * slip.u;
+        force_Nm[at + 1] -= stiffness * slip.v;
       }
     }
   }
 
-  void AddStiffness(const model::Body&, model::ConstVectorRef q, model::ConstVectorRef,
+  void AddStiffness(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef,
                     model::MatrixRef stiffness) const noexcept override {
     for (int i = units_.first; i < units_.end; ++i) {
+      const int at = body.coordinate(i);
       for (int k = 0; k < kElements; ++k) {
-        const Slip slip = Peek(i, k, q);
+        const Slip slip = Peek(i, k, q.segment<2>(at));
         const double slope = moment_Nm_ / (kElements * Yield(k)) * slip.kept;
         const double u = slip.slips ? slip.u / Yield(k) : 0, v = slip.slips ? slip.v / Yield(k) : 0;
-        stiffness(2 * i, 2 * i) += slope * (1 - u * u);
-        stiffness(2 * i, 2 * i + 1) -= slope * u * v;
-        stiffness(2 * i + 1, 2 * i) -= slope * u * v;
-        stiffness(2 * i + 1, 2 * i + 1) += slope * (1 - v * v);
+        stiffness(at, at) += slope * (1 - u * u);
+        stiffness(at, at + 1) -= slope * u * v;
+        stiffness(at + 1, at) -= slope * u * v;
+        stiffness(at + 1, at + 1) += slope * (1 - v * v);
       }
     }
   }
 
-  void Commit(const model::Body&, model::ConstVectorRef q, double) noexcept override {
+  void Commit(const model::Body& body, model::ConstVectorRef q, double) noexcept override {
     for (int i = units_.first; i < units_.end; ++i) {
       const std::size_t at = static_cast<std::size_t>(i - units_.first);
+      const Eigen::Vector2d bend = q.segment<2>(body.coordinate(i));
       for (int k = 0; k < kElements; ++k) {
-        const Slip slip = Peek(i, k, q);
+        const Slip slip = Peek(i, k, bend);
         memory_[at][static_cast<std::size_t>(k)] = {slip.u, slip.v};
       }
-      committed_[at] = {q[2 * i], q[2 * i + 1]};
+      committed_[at] = {bend[0], bend[1]};
     }
   }
 
@@ -78,11 +81,11 @@ class HysteresisLaw final : public BodyLaw {
 
   double Yield(int k) const { return yield_rad_[static_cast<std::size_t>(k)]; }
 
-  Slip Peek(int unit, int k, model::ConstVectorRef q) const {
+  Slip Peek(int unit, int k, const Eigen::Vector2d& bend) const {
     const std::size_t at = static_cast<std::size_t>(unit - units_.first);
     const Pair from = memory_[at][static_cast<std::size_t>(k)];
-    const double u = from.u + (q[2 * unit] - committed_[at].u);
-    const double v = from.v + (q[2 * unit + 1] - committed_[at].v);
+    const double u = from.u + (bend[0] - committed_[at].u);
+    const double v = from.v + (bend[1] - committed_[at].v);
     const double length = std::hypot(u, v);
     if (length <= Yield(k)) return {u, v, 1, false};
     const double kept = Yield(k) / length;

@@ -29,8 +29,10 @@ class ContactLaw final : public BodyLaw {
     Depths depth;
     if (!Touches(body, q, depth)) return;
     Forces force(3, body.units());
-    for (int i = 0; i < body.units(); ++i) force.col(i) = -Push(depth[static_cast<std::size_t>(i)]) * n_;
-    UnitVector generalised(body.dof());
+    force.setZero();
+    for (int k = 0; k < body.disks(); ++k)
+      force.col(body.disk_unit(k)) = -Push(depth[static_cast<std::size_t>(k)]) * n_;
+    CoordinateVector generalised(body.dof());
     body.DiskForce(q, force, generalised);
     force_Nm += generalised;
   }
@@ -41,19 +43,19 @@ class ContactLaw final : public BodyLaw {
     Depths depth;
     if (!Touches(body, q, depth)) return;
     Forces force(3, body.units());
-    UnitVector lever(body.dof());
-    for (int i = 0; i < body.units(); ++i) {
-      const double d = depth[static_cast<std::size_t>(i)];
+    CoordinateVector lever(body.dof());
+    for (int k = 0; k < body.disks(); ++k) {
+      const double d = depth[static_cast<std::size_t>(k)];
       if (d <= 0) continue;
       force.setZero();
-      force.col(i) = n_;
+      force.col(body.disk_unit(k)) = n_;
       body.DiskForce(q, force, lever);
       stiffness.noalias() += (stiffness_Npm_ * std::min(1.0, d / edge_m_)) * lever * lever.transpose();
     }
   }
 
  private:
-  using Depths = std::array<double, kMaxUnits>;
+  using Depths = std::array<double, kMaxUnits>;  // by disk
   using Forces = Eigen::Matrix<double, 3, Eigen::Dynamic, 0, 3, kMaxUnits>;
 
   double Push(double d) const {
@@ -65,9 +67,10 @@ class ContactLaw final : public BodyLaw {
     std::array<model::Pose, kMaxUnits> poses;
     body.Poses(q, std::span(poses).first(static_cast<std::size_t>(body.units())));
     bool touches = false;
-    for (std::size_t i = 0; i < static_cast<std::size_t>(body.units()); ++i) {
-      depth[i] = n_.dot(poses[i].p_WA) - gap_m_;
-      touches = touches || depth[i] > 0;
+    for (int k = 0; k < body.disks(); ++k) {
+      const double d = n_.dot(poses[static_cast<std::size_t>(body.disk_unit(k))].p_WA) - gap_m_;
+      depth[static_cast<std::size_t>(k)] = d;
+      touches = touches || d > 0;
     }
     return touches;
   }

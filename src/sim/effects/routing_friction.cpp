@@ -11,51 +11,51 @@
 namespace tendril::sim {
 namespace {
 
-/// At the disk that ends unit i, tendon j turns by phi_ij. It slides over that disk, towards the base when
-/// positive, by its shortening beyond it:  x_ij = sum_{k > i} (length in the straight unit k - length).
+/// At disk i tendon j turns by phi_ij. It slides over that disk, towards the base when positive, by its
+/// shortening beyond it:  x_ij = sum_{k > i} (length in the straight span before disk k - length).
 ///   T_(i+1) = T_i exp(-mu phi_ij z(x_ij)),   z from four stop operators, 1 when it slides to the base,
 /// so that a pulled tendon loses tension towards the tip and one that is paid out holds it there. The base's
 /// own plate is not one of the disks: a turn before it belongs to the guide pulleys.
 class RoutingLaw final : public BodyLaw {
  public:
   RoutingLaw(const RobotParameters& robot, Target target, double mu)
-      : target_(target), mu_(mu), units_(robot.body.units()) {
-    memory_.assign(static_cast<std::size_t>(robot.body.tendons() * units_),
+      : target_(target), mu_(mu), disks_(robot.body.disks()) {
+    memory_.assign(static_cast<std::size_t>(robot.body.tendons() * disks_),
                    model::PulleyPresliding(kPresliding_m));
   }
   std::unique_ptr<BodyLaw> Clone() const override { return std::make_unique<RoutingLaw>(*this); }
 
   void Share(const model::Body& body, model::ConstVectorRef q,
              model::MatrixRef share) const noexcept override {
-    Spans turn(body.tendons(), units_), slide(body.tendons(), units_);
+    Spans turn(body.tendons(), disks_), slide(body.tendons(), disks_);
     body.TendonTurns(q, turn);
     Slide(body, q, slide);
     for (int j = 0; j < body.tendons(); ++j) {
       if (!IsMine(j)) continue;
       double lost = 0;
-      for (int i = 0; i + 1 < body.end_unit(body.tendon_section(j)); ++i) {
+      for (int i = 0; i + 1 < body.tendon_end_disk(j); ++i) {
         lost += mu_ * turn(j, i) * memory_[At(j, i)].Peek(slide(j, i));
-        share(j, i + 1) *= std::exp(-lost);
+        for (int u = body.span_unit(i + 1); u <= body.disk_unit(i + 1); ++u) share(j, u) *= std::exp(-lost);
       }
     }
   }
 
-  /// From the change of z along x and of phi, with phi about half the sum of the neighbouring units' bends.
+  /// From the change of z along x and of phi, with phi about half the sum of the neighbouring spans' bends.
   void AddStiffness(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef tension_N,
                     model::MatrixRef stiffness) const noexcept override {
     const int m = body.tendons(), n = body.dof();
-    Spans slide(m, units_);
-    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, 2 * kMaxUnits> lengths(m, n);
+    Spans slide(m, disks_);
+    Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, kMaxCoordinates> lengths(m, n);
     body.TendonLengthJacobian(q, lengths);
     Slide(body, q, slide);
-    UnitVector slope(n);  // slope of the loss up to a disk
+    CoordinateVector slope(n);  // slope of the loss up to a disk
     for (int j = 0; j < m; ++j) {
       if (!IsMine(j)) continue;
-      const int end = body.end_unit(body.tendon_section(j));
+      const int disks = body.tendon_end_disk(j), end = body.coordinate(body.disk_unit(disks - 1) + 1);
       double lost = 0;
       slope.setZero();
-      for (int i = 0; i + 1 < end; ++i) {
-        const Eigen::Vector2d bend = 0.5 * (q.segment<2>(2 * i) + q.segment<2>(2 * i + 2));
+      for (int i = 0; i + 1 < disks; ++i) {
+        const Eigen::Vector2d bend = 0.5 * (BendOf(body, q, i) + BendOf(body, q, i + 1));
         const double turn = bend.norm();
         const Eigen::Vector2d towards = turn > 0 ? Eigen::Vector2d(bend / turn) : Eigen::Vector2d(0, 0);
         const auto& memory = memory_[At(j, i)];
@@ -63,24 +63,24 @@ class RoutingLaw final : public BodyLaw {
         const double x = slide(j, i), before = memory.Peek(x - kStep_m), after = memory.Peek(x + kStep_m);
         const double z = 0.5 * (before + after), along_x = mu_ * turn * (after - before) / (2 * kStep_m);
         lost += mu_ * turn * z;
-        for (int k = 2 * (i + 1); k < 2 * end; ++k) slope[k] -= along_x * lengths(j, k);
-        slope.segment<2>(2 * i) += 0.5 * mu_ * z * towards;
-        slope.segment<2>(2 * i + 2) += 0.5 * mu_ * z * towards;
+        const int beyond = body.coordinate(body.span_unit(i + 1));
+        for (int k = beyond; k < end; ++k) slope[k] -= along_x * lengths(j, k);
+        for (int u = body.span_unit(i); u <= body.disk_unit(i + 1); ++u)
+          slope.segment<2>(body.coordinate(u)) += 0.5 * mu_ * z * towards;
         const double tension = tension_N[j] * std::exp(-lost);
-        for (int row = 2 * (i + 1); row < 2 * (i + 2); ++row) {
-          for (int k = 0; k < 2 * end; ++k) stiffness(row, k) -= tension * lengths(j, row) * slope[k];
+        for (int row = beyond; row < body.coordinate(body.disk_unit(i + 1) + 1); ++row) {
+          for (int k = 0; k < end; ++k) stiffness(row, k) -= tension * lengths(j, row) * slope[k];
         }
       }
     }
   }
 
   void Commit(const model::Body& body, model::ConstVectorRef q, double) noexcept override {
-    Spans slide(body.tendons(), units_);
+    Spans slide(body.tendons(), disks_);
     Slide(body, q, slide);
     for (int j = 0; j < body.tendons(); ++j) {
-      for (int i = 0; IsMine(j) && i + 1 < body.end_unit(body.tendon_section(j)); ++i) {
+      for (int i = 0; IsMine(j) && i + 1 < body.tendon_end_disk(j); ++i)
         memory_[At(j, i)].Commit(slide(j, i));
-      }
     }
   }
 
@@ -90,10 +90,18 @@ class RoutingLaw final : public BodyLaw {
   using Spans = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxTendons, kMaxUnits>;
 
   bool IsMine(int tendon) const { return !target_ || *target_ == tendon; }
-  std::size_t At(int tendon, int disk) const { return static_cast<std::size_t>(tendon * units_ + disk); }
+  std::size_t At(int tendon, int disk) const { return static_cast<std::size_t>(tendon * disks_ + disk); }
+
+  /// Of the units between a disk and the one before.
+  static Eigen::Vector2d BendOf(const model::Body& body, model::ConstVectorRef q, int disk) noexcept {
+    Eigen::Vector2d bend(0, 0);
+    for (int u = body.span_unit(disk); u <= body.disk_unit(disk); ++u)
+      bend += q.segment<2>(body.coordinate(u));
+    return bend;
+  }
 
   static void Slide(const model::Body& body, model::ConstVectorRef q, model::MatrixRef slide) noexcept {
-    body.SpanShortening(q, slide);  // of each unit; then of all units beyond it
+    body.SpanShortening(q, slide);  // of each span; then of all spans beyond it
     for (int j = 0; j < slide.rows(); ++j) {
       double beyond = 0;
       for (Eigen::Index i = slide.cols() - 1; i >= 0; --i) {
@@ -106,7 +114,7 @@ class RoutingLaw final : public BodyLaw {
 
   Target target_;
   double mu_;
-  int units_;
+  int disks_;
   std::vector<model::StopOperators<4>> memory_;
 };
 

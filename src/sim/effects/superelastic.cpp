@@ -22,18 +22,19 @@ class SuperelasticLaw final : public BodyLaw {
   void AddForce(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef, double,
                 model::VectorRef force_Nm) const noexcept override {
     for (int i = units_.first; i < units_.end; ++i) {
-      const Eigen::Vector2d bend = q.segment<2>(2 * i) - body.rest_bend_rad(i);
-      force_Nm.segment<2>(2 * i) += softening_ * body.unit_stiffness_Nm(i) * Loss(bend.norm()) * bend;
+      const Eigen::Vector2d bend = q.segment<2>(body.coordinate(i)) - body.rest_bend_rad(i);
+      force_Nm.segment<2>(body.coordinate(i)) +=
+          softening_ * body.unit_stiffness_Nm(i) * Loss(bend.norm()) * bend;
     }
   }
 
   void AddStiffness(const model::Body& body, model::ConstVectorRef q, model::ConstVectorRef,
                     model::MatrixRef stiffness) const noexcept override {
     for (int i = units_.first; i < units_.end; ++i) {
-      const Eigen::Vector2d bend = q.segment<2>(2 * i) - body.rest_bend_rad(i);
+      const Eigen::Vector2d bend = q.segment<2>(body.coordinate(i)) - body.rest_bend_rad(i);
       const double theta = bend.norm(), across = Loss(theta), t = std::tanh(theta / onset_rad_);
       const Eigen::Vector2d along = theta > 0 ? Eigen::Vector2d(bend / theta) : Eigen::Vector2d(0, 0);
-      stiffness.block<2, 2>(2 * i, 2 * i) -=
+      stiffness.block<2, 2>(body.coordinate(i), body.coordinate(i)) -=
           softening_ * body.unit_stiffness_Nm(i) *
           (across * Eigen::Matrix2d::Identity() + (t * t - across) * along * along.transpose());
     }
