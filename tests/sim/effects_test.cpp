@@ -564,6 +564,8 @@ TEST(EffectRegistry, HasEveryNameThatAReportMayUse) {
                            "base_tilt",
                            "contact",
                            "torsion",
+                           "torsional_stiffness",
+                           "axial_stiffness",
                            "cell_gain",
                            "cell_offset",
                            "cell_drift",

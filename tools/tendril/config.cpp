@@ -27,17 +27,15 @@ std::string DrawingNamed(const std::string& file) {
 }
 
 void Draw(const RobotParameters& robot, const std::string& file) {
-  if (!file.empty()) config::WriteWhole(file, first_robot::Drawing(robot));
+  if (!file.empty()) config::WriteWhole(file, first_robot::Drawing(model::ControlModel(robot)));
 }
 
 void Check(const std::string& path, const std::string& drawing) {
   if (config::KindOf(path) == "robot") {
     const RobotParameters robot = sim::LoadRobot(path);
-    RobotParameters bending = robot;
-    bending.body = model::BendingModel(robot.body);
-    Draw(bending, drawing);
+    Draw(robot, drawing);
     fmt::print("{}{}{}{}", config::ToYaml(robot), daemon::FiguresComment(robot),
-               daemon::UncertaintyComment(robot), daemon::DirectionsComment(bending));
+               daemon::UncertaintyComment(robot), daemon::DirectionsComment(robot));
     return;
   }
   const DaemonParameters daemon = config::LoadDaemon(path);

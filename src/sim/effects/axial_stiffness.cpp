@@ -1,0 +1,52 @@
+// Effect: the backbone shortens under the tendons' pull, or by another amount than its file says.
+#include "sections.h"
+
+namespace tendril::sim {
+namespace {
+
+void Soften(SectionParameters& s, double compliance_pN) {
+  const double own_pN = s.extension ? s.unit_length_m / s.UnitAxialStiffness() : 0;
+  const double total_pN = own_pN + compliance_pN;
+  if (!(total_pN > 0) || compliance_pN == 0) return;
+  s.extension = true;
+  s.axial_stiffness_N = 1 / total_pN;
+}
+
+}  // namespace
+
+Effect AxialStiffness() {
+  return {
+      .name = "axial_stiffness",
+      .stage = Stage::kBody,
+      .scope = Scope::kSection,
+      .cut = Cut::kShape,
+      .cut_robot_side = Cut::kShape,
+      .on_all = true,
+      .on_one = true,
+      .parameters = {{.name = "shortening", .nominal = 0, .lower = -0.2, .upper = 0.3, .typical = 0.01}},
+      .summary = "the backbone shortens under the tendons' pull, or by another amount than in the file",
+      .physics =
+          "Each unit changes its length by the force along it times its axial compliance. A pull of "
+          "limits.max_tension_base_N along the backbone shortens it by this part of its length, beside what "
+          "the "
+          "file's own extension does; negative where it gives way less than that. Solid wires hardly do "
+          "(3e-4 "
+          "at 5 N and 1 mm of NiTi); springs, hoses, braids and printed backbones do, and disks that slide.",
+      .signature =
+          "Pulled by all tendons at once the robot does not bend, but its tip comes back towards the base, "
+          "in "
+          "proportion to the sum of tensions; the tendons take up as much.",
+      .experiment =
+          "Co-contraction at three levels, straight, with the tip's position: it moves along the axis. "
+          "Tendons "
+          "that stretch move the motors, but not the tip.",
+      .confusable = {"tendon_stiffness", "unit_length"},
+      .edit =
+          [](RobotParameters& robot, Target target, std::span<const double> v) {
+            const double per_N = v[0] / robot.limits.max_tension_base_N;
+            ForSections(robot, target, [&](SectionParameters& s) { Soften(s, per_N); });
+          },
+  };
+}
+
+}  // namespace tendril::sim
