@@ -27,6 +27,15 @@ void Describe(Io& io, TendonRoute& p) {
             "Where the hole lies about the disk's z axis, from +x towards +y.");
   io.Number("radius_m", p.radius_m, {1e-4, 0.5},
             "Distance of the hole from the disk's centre; more than core_radius_m.");
+  NumberOrNone(io, "end_radius_m", p.end_radius_m, {1e-4, 0.5}, "radius_m everywhere",
+               "The same at the tendon's last disk; radius_m is then that at the base, and it changes evenly "
+               "between.");
+  OptionalNumber(
+      io, "turn_rad_per_m", p.turn_rad_per_m, 0, {-1000, 1000},
+      "Turn of the hole about the z axis along the backbone: a helix. Tendons of different turns cross.");
+  if (GivenOrOther(io, "ends_at_disk", p.ends_at_disk, 0, std::string_view("the section's last")))
+    io.Integer("ends_at_disk", p.ends_at_disk, {1, kMaxUnits},
+               "Disk of the section at which the tendon ends, from 1.");
 }
 
 template <class Io>
@@ -88,21 +97,28 @@ void Describe(Io& io, SectionParameters& p) {
             "Viscous damping of each unit, on the rate of its two bending angles.");
   DescribeStrains(io, p);
   io.List("tendons", p.tendons, {1, kMaxTendons},
-          "The tendons that end at the section's last disk, one hole each.");
+          "The tendons that end in the section, at its last disk unless ends_at_disk says otherwise.");
   if constexpr (Io::kReading) {
     for (std::size_t j = 0; j < p.tendons.size(); ++j) {
-      const double hole_m = p.tendons[j].radius_m;
-      io.Check(hole_m > p.core_radius_m, "core_radius_m",
+      const TendonRoute& t = p.tendons[j];
+      const double inner_m = std::min(t.radius_m, t.end_radius_m.value_or(t.radius_m)),
+                   outer_m = std::max(t.radius_m, t.end_radius_m.value_or(0));
+      io.Check(inner_m > p.core_radius_m, "core_radius_m",
                fmt::format(
                    "{} does not leave room for the hole of tendon {} at {} m; accepted: less than {} m; make "
                    "the backbone thinner or move the hole out",
-                   p.core_radius_m, j + 1, hole_m, hole_m));
+                   p.core_radius_m, j + 1, inner_m, inner_m));
       io.Check(
-          disk_diameter_m == 0 || disk_diameter_m > 2 * hole_m, "disk_diameter_m",
+          disk_diameter_m == 0 || disk_diameter_m > 2 * outer_m, "disk_diameter_m",
           fmt::format(
               "{} is too small for the hole of tendon {} at {} m; accepted: above {} m; correct one of the "
               "two",
-              disk_diameter_m, j + 1, hole_m, 2 * hole_m));
+              disk_diameter_m, j + 1, outer_m, 2 * outer_m));
+      const int disks = p.units_per_disk > 0 ? p.units / p.units_per_disk : 0;
+      io.Check(t.ends_at_disk <= disks, "tendons",
+               fmt::format(
+                   "tendon {} ends at disk {} of a section with {}; accepted: 1 .. {}; correct ends_at_disk",
+                   j + 1, t.ends_at_disk, disks, disks));
     }
   }
 }

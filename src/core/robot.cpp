@@ -1,6 +1,7 @@
 #include "tendril/core/robot.h"
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 
 namespace tendril {
@@ -75,7 +76,8 @@ double BodyParameters::length_m() const {
 double BodyParameters::largest_hole_m() const {
   double radius_m = 0;
   for (const SectionParameters& section : sections) {
-    for (const TendonRoute& tendon : section.tendons) radius_m = std::max(radius_m, tendon.radius_m);
+    for (const TendonRoute& t : section.tendons)
+      radius_m = std::max({radius_m, t.radius_m, t.end_radius_m.value_or(0)});
   }
   return radius_m;
 }
@@ -90,6 +92,56 @@ bool BodyParameters::BendsOnly() const {
   return std::none_of(sections.begin(), sections.end(), [](const SectionParameters& s) {
     return s.torsion || s.extension || s.shear || s.units_per_disk != 1;
   });
+}
+
+bool BodyParameters::HasStraightRoutes() const {
+  return std::all_of(sections.begin(), sections.end(), [](const SectionParameters& s) {
+    return std::all_of(s.tendons.begin(), s.tendons.end(),
+                       [](const TendonRoute& t) { return t.IsStraight(); });
+  });
+}
+
+const TendonRoute& BodyParameters::RouteOf(int tendon) const {
+  auto section = sections.begin();
+  for (; tendon >= static_cast<int>(section->tendons.size()); ++section)
+    tendon -= static_cast<int>(section->tendons.size());
+  return section->tendons[static_cast<std::size_t>(tendon)];
+}
+
+Eigen::Vector3d BodyParameters::HoleOf(int tendon, double arc_m) const {
+  const TendonRoute& route = RouteOf(tendon);
+  double radius = route.radius_m;
+  if (route.end_radius_m) {
+    const double share = std::min(1.0, arc_m / ArcTo(EndDiskOf(tendon) - 1));
+    radius += share * (*route.end_radius_m - route.radius_m);
+  }
+  const double angle = route.angle_rad + (twist_rad_per_m + route.turn_rad_per_m) * arc_m;
+  return {radius * std::cos(angle), radius * std::sin(angle), 0};
+}
+
+int BodyParameters::EndDiskOf(int tendon) const {
+  int before = 0;
+  for (const SectionParameters& s : sections) {
+    const int disks = s.units / s.units_per_disk, own = static_cast<int>(s.tendons.size());
+    if (tendon < own) {
+      const int ends_at = s.tendons[static_cast<std::size_t>(tendon)].ends_at_disk;
+      return before + (ends_at > 0 ? ends_at : disks);
+    }
+    tendon -= own;
+    before += disks;
+  }
+  return before;
+}
+
+double BodyParameters::ArcTo(int disk) const {
+  double arc_m = 0;
+  for (const SectionParameters& s : sections) {
+    const int disks = std::min(disk + 1, s.units / s.units_per_disk);
+    arc_m += disks * s.units_per_disk * s.unit_length_m;
+    disk -= disks;
+    if (disk < 0) break;
+  }
+  return arc_m;
 }
 
 UnitDeviation& BodyParameters::DeviationOf(int unit) {

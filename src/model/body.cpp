@@ -74,7 +74,6 @@ Body::Body(const BodyParameters& parameters) : parameters_(parameters) {
     }
     units_ += s.units;
     first_unit_.push_back(units_);
-    end_disk_.push_back(disks());
   }
   coordinate_.push_back(dof_);
   unit_.back().mass_kg += parameters_.tip_payload_kg;
@@ -89,7 +88,9 @@ Body::Body(const BodyParameters& parameters) : parameters_(parameters) {
     unit.rest_v = d.rest_v_rad;
   }
   if (parameters_.twist_rad_per_m != 0) AddTwist();
-  if (!parameters_.BendsOnly()) strained_ = std::make_shared<const StrainedChain>(parameters_);
+  for (int j = 0; j < tendons(); ++j) end_disk_.push_back(parameters_.EndDiskOf(j));
+  if (!parameters_.BendsOnly() || !parameters_.HasStraightRoutes())
+    strained_ = std::make_shared<const StrainedChain>(parameters_);
   SetDamping();
 }
 
@@ -129,6 +130,10 @@ void Body::CheckSections() {
     for (const TendonRoute& t : s.tendons) {
       Require(std::isfinite(t.angle_rad), where + "tendon angle must be finite");
       Require(Positive(t.radius_m), where + "tendon radius must be positive");
+      Require(std::isfinite(t.turn_rad_per_m), where + "tendon turn_rad_per_m must be finite");
+      Require(!t.end_radius_m || Positive(*t.end_radius_m), where + "tendon end_radius_m must be positive");
+      Require(t.ends_at_disk >= 0 && t.ends_at_disk <= s.units / s.units_per_disk,
+              where + "tendon ends_at_disk must be one of its disks, from 1");
     }
   }
   Require(parameters_.units() <= kMaxUnits, "more than " + std::to_string(kMaxUnits) + " units");

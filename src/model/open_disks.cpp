@@ -9,16 +9,15 @@ namespace tendril::model {
 namespace {
 
 // Of a bent unit's two ends; a turn by 2 pi has no rotation vector of its own.
-bool IsOpen(const BodyParameters& body, std::size_t section, const StrainVector& strains) {
+bool IsOpen(const Body& body, int disk, double middle_m, double unit_length_m, const StrainVector& strains) {
   const double u = strains[0], v = strains[1], w = strains[2];
   if (std::hypot(std::hypot(u, v), w) >= 2 * std::numbers::pi) return false;
-  const double length_m = body.sections[section].unit_length_m * (1 + strains[3]);
+  const double length_m = unit_length_m * (1 + strains[3]);
   if (!(length_m > 0)) return false;
-  for (std::size_t k = section; k < body.sections.size(); ++k) {
-    for (const TendonRoute& t : body.sections[k].tendons) {
-      const double towards = u * std::cos(t.angle_rad) + v * std::sin(t.angle_rad);
-      if (!(length_m > t.radius_m * towards)) return false;
-    }
+  for (int j = 0; j < body.tendons(); ++j) {
+    if (body.tendon_end_disk(j) <= disk) continue;
+    const Eigen::Vector3d hole = body.parameters().HoleOf(j, middle_m);
+    if (!(length_m > u * hole.x() + v * hole.y())) return false;
   }
   return true;
 }
@@ -32,9 +31,14 @@ std::string Number(double value) {
 }  // namespace
 
 std::optional<int> FirstClosedUnit(const Body& body, ConstVectorRef q) {
+  double begin_m = 0;
+  int disk = 0;
   for (int s = 0; s < body.sections(); ++s) {
+    const double length_m = body.parameters().sections[static_cast<std::size_t>(s)].unit_length_m;
     for (int i = body.first_unit(s); i < body.end_unit(s); ++i) {
-      if (!IsOpen(body.parameters(), static_cast<std::size_t>(s), body.StrainsOf(i, q))) return i;
+      if (!IsOpen(body, disk, begin_m + length_m / 2, length_m, body.StrainsOf(i, q))) return i;
+      begin_m += length_m;
+      if (i == body.disk_unit(disk)) ++disk;
     }
   }
   return std::nullopt;

@@ -51,7 +51,7 @@ PullCone PullConeOf(const BodyParameters& body, int section) {
   }
   std::vector<double> angles;
   for (const TendonRoute& t : body.sections[static_cast<std::size_t>(section)].tendons)
-    angles.push_back(Wrapped(t.angle_rad + body.twist_rad_per_m * middle_m));
+    angles.push_back(Wrapped(t.angle_rad + (body.twist_rad_per_m + t.turn_rad_per_m) * middle_m));
   std::sort(angles.begin(), angles.end());
   // The cone begins after the widest gap.
   double widest = angles.front() + kTurn - angles.back();

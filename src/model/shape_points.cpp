@@ -56,23 +56,13 @@ Eigen::Matrix3Xd BackbonePoints(const Body& body, ConstVectorRef q, int points) 
 Eigen::Matrix3Xd TendonHoles(const Body& body, ConstVectorRef q, int tendon) {
   const std::vector<Pose> disks = DiskPoses(body, q);
   const std::vector<double> length_m = UnitLengths(body);
-  const int section = body.tendon_section(tendon);
-  int before = 0;  // tendons of the sections before
-  for (int k = 0; k < section; ++k)
-    before += static_cast<int>(body.parameters().sections[static_cast<std::size_t>(k)].tendons.size());
-  const TendonRoute& route = body.parameters()
-                                 .sections[static_cast<std::size_t>(section)]
-                                 .tendons[static_cast<std::size_t>(tendon - before)];
-  int count = 0;
-  while (count < body.disks() && body.disk_unit(count) < body.end_unit(section)) ++count;
+  const int count = body.tendon_end_disk(tendon);
   Eigen::Matrix3Xd at(3, count + 1);
   double arc_m = 0;
   std::size_t unit = 0;
   for (Eigen::Index i = 0; i < at.cols(); ++i) {
-    const double angle = route.angle_rad + body.parameters().twist_rad_per_m * arc_m;
-    const Eigen::Vector3d hole(route.radius_m * std::cos(angle), route.radius_m * std::sin(angle), 0);
     const auto disk = static_cast<std::size_t>(i);
-    at.col(i) = disks[disk].p_WA + disks[disk].R_WA * hole;
+    at.col(i) = disks[disk].p_WA + disks[disk].R_WA * body.parameters().HoleOf(tendon, arc_m);
     if (i < count) {
       while (unit <= static_cast<std::size_t>(body.disk_unit(static_cast<int>(i)))) arc_m += length_m[unit++];
     }

@@ -26,11 +26,6 @@ std::array<double, kStrains> Damping(const SectionParameters& s) {
           sideways};
 }
 
-Vec Hole(const TendonRoute& route, double turn_rad) {
-  const double angle = route.angle_rad + turn_rad;
-  return {route.radius_m * std::cos(angle), route.radius_m * std::sin(angle), 0};
-}
-
 }  // namespace
 
 StrainedChain::StrainedChain(const BodyParameters& parameters)
@@ -67,24 +62,21 @@ void StrainedChain::MakeUnits(const BodyParameters& parameters) {
 }
 
 void StrainedChain::MakeSpans(const BodyParameters& parameters) {
-  int unit = 0, first_tendon = 0;
+  for (int t = 0; t < tendons_; ++t) end_span_.push_back(parameters.EndDiskOf(t));
+  int unit = 0;
   double begin_m = 0;  // arc length
   for (const SectionParameters& s : parameters.sections) {
     const double span_m = s.units_per_disk * s.unit_length_m;
     for (int disk = 0; disk < s.units / s.units_per_disk; ++disk) {
-      spans_.push_back({unit, unit + s.units_per_disk, first_tendon});
-      for (const SectionParameters& owner : parameters.sections) {
-        for (const TendonRoute& route : owner.tendons) {
-          const Vec begin = Hole(route, parameters.twist_rad_per_m * begin_m);
-          const Vec end = Hole(route, parameters.twist_rad_per_m * (begin_m + span_m));
-          const Vec line = end + -begin + Vec(0, 0, span_m);
-          holes_.push_back({begin, end, std::sqrt(line.dot(line))});
-        }
+      spans_.push_back({unit, unit + s.units_per_disk});
+      for (int t = 0; t < tendons_; ++t) {
+        const Vec begin(parameters.HoleOf(t, begin_m)), end(parameters.HoleOf(t, begin_m + span_m));
+        const Vec line = end + -begin + Vec(0, 0, span_m);
+        holes_.push_back({begin, end, std::sqrt(line.dot(line))});
       }
       unit += s.units_per_disk;
       begin_m += span_m;
     }
-    first_tendon += static_cast<int>(s.tendons.size());
   }
 }
 

@@ -87,7 +87,6 @@ class StrainedChain {
   /// The units between two neighbouring disks.
   struct Span {
     int first_unit, end_unit;
-    int first_tendon;  // tendons that pass it: first_tendon..M-1
   };
   /// A tendon's holes in the axes of the disks that begin and end a span, and its length when straight.
   struct Holes {
@@ -122,6 +121,9 @@ class StrainedChain {
   void Place(ConstVectorRef q, Placed& placed) const noexcept;
   static void Advance(const StrainedUnit& unit, ConstVectorRef q, Vec& p, Mat& r) noexcept;
   static void Advance(double length_m, const Strains& at, Vec& p, Mat& r) noexcept;
+  bool Passes(int tendon, std::size_t span) const {
+    return static_cast<int>(span) < end_span_[static_cast<std::size_t>(tendon)];
+  }
   const Holes& HolesOf(std::size_t span, int tendon) const {
     return holes_[span * static_cast<std::size_t>(tendons_) + static_cast<std::size_t>(tendon)];
   }
@@ -135,7 +137,8 @@ class StrainedChain {
 
   std::vector<StrainedUnit> units_;
   std::vector<Span> spans_;
-  std::vector<Holes> holes_;  // spans x M
+  std::vector<Holes> holes_;   // spans x M
+  std::vector<int> end_span_;  // of each tendon, one past its last
   int dof_ = 0, tendons_ = 0;
   Vec gravity_, tip_force_;
 };

@@ -113,7 +113,8 @@ void StrainedChain::AddTendons(const Placed& placed, std::size_t span, ConstVect
       across;  // d_a less its part along the line, by coordinate of the span
   const int first = units_[static_cast<std::size_t>(s.first_unit)].IndexOf(0);
   const int count = units_[end - 1].end() - first;
-  for (int t = s.first_tendon; t < tendons_; ++t) {
+  for (int t = 0; t < tendons_; ++t) {
+    if (!Passes(t, span)) continue;
     const Line line = LineOf(placed, span, t);
     pull.Add(-tension_N[t] * line.direction, line.arm);
     Vec arm = line.arm;

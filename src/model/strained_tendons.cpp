@@ -24,7 +24,9 @@ void StrainedChain::TendonLengths(ConstVectorRef q, VectorRef length_m) const no
   Place(q, placed);
   length_m.setZero();
   for (std::size_t k = 0; k < spans_.size(); ++k) {
-    for (int t = spans_[k].first_tendon; t < tendons_; ++t) length_m[t] += LineOf(placed, k, t).length_m;
+    for (int t = 0; t < tendons_; ++t) {
+      if (Passes(t, k)) length_m[t] += LineOf(placed, k, t).length_m;
+    }
   }
 }
 
@@ -33,8 +35,9 @@ void StrainedChain::TendonShortening(ConstVectorRef q, VectorRef shortening_m) c
   Place(q, placed);
   shortening_m.setZero();
   for (std::size_t k = 0; k < spans_.size(); ++k) {
-    for (int t = spans_[k].first_tendon; t < tendons_; ++t)
-      shortening_m[t] += HolesOf(k, t).straight_m - LineOf(placed, k, t).length_m;
+    for (int t = 0; t < tendons_; ++t) {
+      if (Passes(t, k)) shortening_m[t] += HolesOf(k, t).straight_m - LineOf(placed, k, t).length_m;
+    }
   }
 }
 
@@ -43,7 +46,8 @@ void StrainedChain::SpanShortening(ConstVectorRef q, MatrixRef shortening_m) con
   Place(q, placed);
   shortening_m.setZero();
   for (std::size_t k = 0; k < spans_.size(); ++k) {
-    for (int t = spans_[k].first_tendon; t < tendons_; ++t) {
+    for (int t = 0; t < tendons_; ++t) {
+      if (!Passes(t, k)) continue;
       shortening_m(t, static_cast<Eigen::Index>(k)) =
           HolesOf(k, t).straight_m - LineOf(placed, k, t).length_m;
     }
@@ -57,7 +61,8 @@ void StrainedChain::TendonShortening(ConstVectorRef q, VectorRef shortening_m,
   shortening_m.setZero();
   length_jacobian.setZero();
   for (std::size_t k = 0; k < spans_.size(); ++k) {
-    for (int t = spans_[k].first_tendon; t < tendons_; ++t) {
+    for (int t = 0; t < tendons_; ++t) {
+      if (!Passes(t, k)) continue;
       const Line line = LineOf(placed, k, t);
       shortening_m[t] += HolesOf(k, t).straight_m - line.length_m;
       Vec moment = Cross(line.arm, line.direction);
@@ -79,7 +84,8 @@ void StrainedChain::TendonTurns(ConstVectorRef q, MatrixRef turn_rad) const noex
   Place(q, placed);
   turn_rad.setZero();
   for (std::size_t k = 1; k < spans_.size(); ++k) {
-    for (int t = spans_[k].first_tendon; t < tendons_; ++t) {
+    for (int t = 0; t < tendons_; ++t) {
+      if (!Passes(t, k)) continue;
       const Vec before = LineOf(placed, k - 1, t).direction, after = LineOf(placed, k, t).direction;
       const Vec across = Cross(before, after);
       turn_rad(t, static_cast<Eigen::Index>(k) - 1) =
@@ -94,7 +100,8 @@ void StrainedChain::TendonForce(ConstVectorRef q, ConstVectorRef tension_N,
   Place(q, placed);
   for (std::size_t k = 0; k < spans_.size(); ++k) {
     Vec force = kZero, moment = kZero;  // of all tendons on the disk that ends the span
-    for (int t = spans_[k].first_tendon; t < tendons_; ++t) {
+    for (int t = 0; t < tendons_; ++t) {
+      if (!Passes(t, k)) continue;
       const Line line = LineOf(placed, k, t);
       const Vec pull = -tension_N[t] * line.direction;
       force += pull;

@@ -122,6 +122,28 @@ TEST(Strains, WhatMakesNoSenseIsRefusedWithItsLineKeyAndRange) {
           "only where strains names torsion or shear");
 }
 
+TEST(TendonRoutes, ComeBackBitForBitAndAreRefusedWithTheirLine) {
+  const std::string rod = ReadText(ConfigPath(kRod)), first = "{angle_rad: 0.0, radius_m: 0.004}";
+  const auto with = [&](const std::string& keys) {
+    return Edited(rod, first, "{angle_rad: 0.0, radius_m: 0.004, " + keys + "}");
+  };
+  const RobotParameters robot =
+      ParseRobot(with("end_radius_m: 0.003, turn_rad_per_m: -12.5, ends_at_disk: 3"), "rod.yaml");
+  for (const RobotParameters& read : {robot, ParseRobot(ToYaml(robot), "again")}) {
+    const TendonRoute& t = read.body.sections[0].tendons[0];
+    EXPECT_EQ(t.end_radius_m, 0.003);
+    EXPECT_EQ(t.turn_rad_per_m, -12.5);
+    EXPECT_EQ(t.ends_at_disk, 3);
+    EXPECT_TRUE(read.body.sections[0].tendons[1].IsStraight());
+  }
+  EXPECT_THAT(ToYaml(ParseRobot(rod, "rod.yaml")), Not(HasSubstr("ends_at_disk")));
+  EXPECT_THAT(RefusalOf(with("ends_at_disk: 6")), HasSubstr("accepted: 1 .. 5"));
+  EXPECT_THAT(RefusalOf(with("ends_at_disk: 0")), HasSubstr("ends_at_disk"));
+  EXPECT_THAT(RefusalOf(with("end_radius_m: 0.0004")),
+              HasSubstr("does not leave room for the hole of tendon 1"));
+  EXPECT_THAT(RefusalOf(with("end_radius_m: 0.006")), HasSubstr("disk_diameter_m"));
+}
+
 TEST(Strains, WhatKnowsBendingAloneSaysSo) {
   const std::string path = ConfigPath(kRod);
   const auto refusal = [](const std::string& file) -> std::string {

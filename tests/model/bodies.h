@@ -124,6 +124,12 @@ inline BodyParameters RandomStrained(unsigned seed) {
       s.shear_damping_Nspm = random.Uniform(0, 0.05);
     }
     s.tendons = Around(3 + static_cast<int>(k), random.Uniform(0.003, 0.005), random.Uniform(0, 1));
+    if (seed % 2 == 1) {  // tapered, helical, crossing, and one that ends before the last disk
+      s.tendons[0].turn_rad_per_m = random.Uniform(5, 40);
+      s.tendons[1].turn_rad_per_m = random.Uniform(-40, -5);
+      s.tendons[1].end_radius_m = random.Uniform(0.002, 0.003);
+      s.tendons[2].ends_at_disk = 1;
+    }
     body.sections.push_back(s);
   }
   body.gravity_W_mps2 = random.Vector(3, -9, 9);

@@ -431,6 +431,82 @@ TEST(StrainedLimits, StraightIsNoSpecialCase) {
   EXPECT_LT((near - at_0 + h * (tangent - no_tension) * direction).norm(), 1e-12);
 }
 
+// ---- layouts of tendons ----
+
+TEST(TendonLayout, HolesThatAllTurnAreADiskColumnThatTurns) {
+  BodyParameters by_route = test::PaperBody(), by_body = by_route;
+  by_body.twist_rad_per_m = 7;
+  for (TendonRoute& t : by_route.sections[0].tendons) t.turn_rad_per_m = 7;
+  const Body a(by_route), b(by_body);
+  EXPECT_TRUE(a.bends_only());
+  Random random(3);
+  for (int k = 0; k < 4; ++k) {
+    const VectorXd q = random.Vector(a.dof(), -0.8, 0.8), tension = random.Vector(3, 0, 8);
+    VectorXd force_a(a.dof()), force_b(a.dof());
+    a.TendonForce(q, tension, force_a);
+    b.TendonForce(q, tension, force_b);
+    EXPECT_LT((force_a - force_b).norm(), 1e-14);
+  }
+}
+
+TEST(TendonLayout, ATaperedAndHelicalTendonIsAsLongAsStraightLinesBetweenItsHoles) {
+  BodyParameters parameters = test::PaperBody();
+  TendonRoute& t = parameters.sections[0].tendons[1];
+  t = {.angle_rad = 0.4, .radius_m = 0.005, .turn_rad_per_m = 20, .end_radius_m = 0.002};
+  const Body body(parameters);
+  double wanted_m = 0;
+  const double l = parameters.sections[0].unit_length_m;
+  const auto hole = [&](int disk) {
+    const double radius = 0.005 - 0.003 * disk / 4, angle = 0.4 + 20 * l * disk;
+    return Vector3d(radius * std::cos(angle), radius * std::sin(angle), l * disk);
+  };
+  for (int disk = 0; disk < 4; ++disk) wanted_m += (hole(disk + 1) - hole(disk)).norm();
+  VectorXd length(3);
+  body.TendonLengths(VectorXd::Zero(body.dof()), length);
+  EXPECT_NEAR(length[1], wanted_m, 1e-15);
+  const Eigen::Matrix3Xd at = TendonHoles(body, VectorXd::Zero(body.dof()), 1);
+  for (int disk = 0; disk <= 4; ++disk) EXPECT_LT((at.col(disk) - hole(disk)).norm(), 1e-16);
+}
+
+TEST(TendonLayout, ATendonBendsTheRobotUpToItsLastDiskAlone) {
+  BodyParameters parameters = test::PaperBody();
+  parameters.gravity_W_mps2.setZero();
+  parameters.sections[0].tendons[0].ends_at_disk = 2;
+  const Body body(parameters);
+  EXPECT_EQ(body.tendon_end_disk(0), 2);
+  const Equilibrium found = SolveStatics(body, Vector3d(4, 0, 0), {});
+  ASSERT_EQ(found.result, StaticsResult::kConverged);
+  EXPECT_GT(found.q[0], 0.1);
+  EXPECT_NEAR(found.q[2], found.q[0], 1e-10);
+  EXPECT_LT(found.q.tail(4).norm(), 1e-12);
+  EXPECT_EQ(TendonHoles(body, found.q, 0).cols(), 3);
+  VectorXd length(3);
+  body.TendonLengths(VectorXd::Zero(body.dof()), length);
+  EXPECT_NEAR(length[0], 2 * parameters.sections[0].unit_length_m, 1e-15);
+}
+
+// Two tendons that wind in opposite ways pull without a moment about the axis; one alone twists the backbone.
+TEST(TendonLayout, AHelixTwistsABackboneAndItsMirrorImageUndoesIt) {
+  BodyParameters parameters = test::PaperBody(6, 0.015);
+  SectionParameters& s = parameters.sections[0];
+  s.torsion = s.extension = s.shear = true;
+  s.poissons_ratio = 0.3;
+  parameters.gravity_W_mps2.setZero();
+  s.tendons = {{.angle_rad = 0, .radius_m = 0.004, .turn_rad_per_m = 15},
+               {.angle_rad = 0, .radius_m = 0.004, .turn_rad_per_m = -15}};
+  const Body body(parameters);
+  const auto twist = [&](double first_N, double second_N) {
+    const Equilibrium found = SolveStatics(body, Eigen::Vector2d(first_N, second_N), {});
+    EXPECT_EQ(found.result, StaticsResult::kConverged);
+    double sum = 0;
+    for (int i = 0; i < body.units(); ++i) sum += body.StrainsOf(i, found.q)[2];
+    return sum;
+  };
+  EXPECT_GT(std::abs(twist(2, 0)), 1e-3);
+  EXPECT_NEAR(twist(2, 0), -twist(0, 2), 1e-9);
+  EXPECT_NEAR(twist(2, 2), 0, 1e-9);
+}
+
 TEST(StrainedLimits, ConstructionRefusesWhatMakesNoSense) {
   const auto refuses = [](auto change) {
     BodyParameters parameters = Stiff(test::PaperBody(), 1e-3, 1e4);
@@ -454,6 +530,10 @@ TEST(StrainedLimits, ConstructionRefusesWhatMakesNoSense) {
     s.shear = true;
     s.shear_stiffness_N = 0;
   });
+  refuses([](SectionParameters& s) { s.tendons[0].end_radius_m = 0; });
+  refuses([](SectionParameters& s) { s.tendons[0].ends_at_disk = 5; });
+  refuses(
+      [](SectionParameters& s) { s.tendons[0].turn_rad_per_m = std::numeric_limits<double>::infinity(); });
   refuses([](SectionParameters& s) {
     s.torsion = false;
     s.rest_torsion_rad_per_m = 1;

@@ -13,10 +13,17 @@
 
 namespace tendril {
 
-/// Where a tendon passes the disks: hole at radius_m (cos angle_rad, sin angle_rad, 0) in each disk frame.
+/// Where a tendon passes the disks: at the arc length s from the base through a hole at the distance r(s)
+/// from the disk's centre and the angle angle_rad + turn_rad_per_m s about its z.
 struct TendonRoute {
   double angle_rad = 0;
-  double radius_m = 0;
+  double radius_m = 0;                   // everywhere, or at the base where end_radius_m is given
+  double turn_rad_per_m = 0;             // a helix; tendons of different turns cross
+  std::optional<double> end_radius_m{};  // at its last disk, r(s) linear between
+  int ends_at_disk = 0;                  // of its section, from 1; 0: at the section's last
+
+  /// Whether its holes lie one behind the other up to the section's end.
+  bool IsStraight() const { return turn_rad_per_m == 0 && !end_radius_m && ends_at_disk == 0; }
 };
 
 /// `units` equal units of constant strain; its tendons end at its last disk and pass through earlier
@@ -91,6 +98,15 @@ struct BodyParameters {
   double mass_kg() const;  // with the payload
   /// Whether the units only bend, one a disk: the body of a controller.
   bool BendsOnly() const;
+  bool HasStraightRoutes() const;
+  /// Route of a tendon (0-based over the sections), and its hole at an arc length in the axes of a disk
+  /// there.
+  const TendonRoute& RouteOf(int tendon) const;
+  Eigen::Vector3d HoleOf(int tendon, double arc_m) const;
+  /// One past the last disk (0-based over the sections) of a tendon, and the arc length from the base to a
+  /// disk.
+  int EndDiskOf(int tendon) const;
+  double ArcTo(int disk) const;
   /// The deviation of unit 1..units(), entered as none where there is none yet.
   UnitDeviation& DeviationOf(int unit);
 };

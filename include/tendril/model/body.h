@@ -61,7 +61,7 @@ class Body {
   int dof() const { return dof_; }
   /// Whether q = (u_1, v_1, ..., u_N, v_N) and every unit ends at a disk. What only a body of this kind can
   /// do says so.
-  bool bends_only() const { return strained_ == nullptr; }
+  bool bends_only() const { return parameters_.BendsOnly(); }
   /// Index in q of a unit's u; v follows, then w, e and (sx, sy) where the unit has them. dof() for units().
   int coordinate(int unit) const { return strained_ ? coordinate_[unit] : 2 * unit; }
   bool twists(int unit) const { return SectionOf(unit).torsion; }
@@ -82,7 +82,7 @@ class Body {
   int end_unit(int section) const { return first_unit_[section + 1]; }
   /// Section in which tendon j (0-based) ends, and one past its last disk.
   int tendon_section(int tendon) const { return tendons_[tendon].section; }
-  int tendon_end_disk(int tendon) const { return end_disk_[tendons_[tendon].section]; }
+  int tendon_end_disk(int tendon) const { return end_disk_[tendon]; }
   /// Bending stiffness of a unit (0-based) [N·m/rad] and the bend in which it is free of stress [rad].
   double unit_stiffness_Nm(int unit) const { return unit_[unit].stiffness_Nm; }
   Eigen::Vector2d rest_bend_rad(int unit) const { return {unit_[unit].rest_u, unit_[unit].rest_v}; }
@@ -216,7 +216,8 @@ class Body {
   std::vector<Tendon> tendons_;
   std::vector<UnitConstants> unit_;
   std::vector<TwistedSpan> twisted_;  // N x M, empty without twist
-  // Of a body that does not only bend; everything is computed there. Never changed, so copies share it.
+  // Of a body that does not only bend, or whose tendons are not straight; everything is computed there. Never
+  // changed, so copies share it.
   std::shared_ptr<const StrainedChain> strained_;
 };
 
