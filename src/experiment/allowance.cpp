@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "tendril/model/bending_model.h"
+
 namespace tendril::experiment {
 
 using Eigen::MatrixXd;

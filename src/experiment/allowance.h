@@ -80,7 +80,7 @@ class Allowance {
   double PullTorque(int j, double tension_N) const;
 
  private:
-  const RobotParameters& robot_;
+  RobotParameters robot_;
   model::Body body_;
   model::ArcTensions arcs_;
   int sections_, tendons_;

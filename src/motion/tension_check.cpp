@@ -97,7 +97,7 @@ class Check {
     return d;
   }
 
-  const RobotParameters& robot_;
+  RobotParameters robot_;
   model::Body body_;
   model::ArcTensions arcs_;
   control::Reach reach_;

@@ -74,7 +74,7 @@ void UseInlinedOperations(N_Vector v) {
 }  // namespace
 
 Integrator::Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Tolerances& tolerances,
-                       double longest_step)
+                       double longest_step, bool vibrates)
     : system_(system), tolerances_(tolerances), y_(y0) {
   Check(SUNContext_Create(nullptr, &context_), "SUNContext_Create");
   vector_ = N_VMake_Serial(y_.size(), y_.data(), context_);
@@ -93,6 +93,7 @@ Integrator::Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Toler
   Check(CVodeWFtolerances(cvode_, IntegratorCallbacks::Weights), "CVodeWFtolerances");
   Check(CVodeSetMaxStep(cvode_, longest_step), "CVodeSetMaxStep");
   Check(CVodeSetLinearSolver(cvode_, linear_, nullptr), "CVodeSetLinearSolver");
+  Check(CVodeSetStabLimDet(cvode_, vibrates), "CVodeSetStabLimDet");
 }
 
 Integrator::~Integrator() {

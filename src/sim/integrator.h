@@ -25,7 +25,10 @@ class Integrator {
     double relative;
     Eigen::VectorXd absolute;  // per state
   };
-  Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Tolerances& tolerances, double longest_step);
+  /// Formulas of order 3 to 5 are not stable for vibrations that are hardly damped and far faster than a
+  /// step, as those along a rod: `vibrates` lets CVODE detect that and lower the order.
+  Integrator(OdeSystem& system, const Eigen::VectorXd& y0, const Tolerances& tolerances, double longest_step,
+             bool vibrates = false);
   ~Integrator();
   Integrator(const Integrator&) = delete;
   Integrator& operator=(const Integrator&) = delete;

@@ -30,6 +30,9 @@ using Vector = Eigen::Map<Eigen::VectorXd>;
 // Newton's matrix uses mass and stiffness at a reference shape, recomputed beyond this bend or share of the
 // largest tension from it. This affects the speed of the iteration, not its solution.
 constexpr double kNewtonBend_rad = 0.05;
+// A piece of wire between two disks has a thousandth of a disk's inertia or less. Whatever a mass matrix of
+// another shape is off there counts that much more.
+constexpr double kNewtonStrain = 1e-3;
 constexpr double kNewtonTension = 0.125;
 
 // A reversal within a step is detected from the velocities at both ends, so two reversals of a motor that
@@ -68,6 +71,7 @@ struct Plant::Impl final : OdeSystem {
         workspace(body),
         n(body.dof()),
         m(body.tendons()),
+        newton_strain(body.bends_only() ? kNewtonBend_rad : kNewtonStrain),
         cholesky(n),
         lu(n),
         sensor_noise(plant_options.sensor_noise, plant_options.seed),
@@ -99,7 +103,7 @@ struct Plant::Impl final : OdeSystem {
     dq.setZero(n);
 
     integrator = std::make_unique<Integrator>(*this, Eigen::VectorXd::Zero(2 * (n + m)), StateTolerances(),
-                                              kLongestStep_s);
+                                              kLongestStep_s, !body.bends_only());
     ReadState();
     UpdateTendonStates();
     RememberPose();
@@ -172,7 +176,7 @@ struct Plant::Impl final : OdeSystem {
   /// block is diagonal, eliminated; what is left is symmetric in the bending rates:
   ///   [H + gamma D + gamma^2 K + J^T diag(w) J] dv = ...,  J = dL/dq.
   bool SolveNewton(double gamma, const double* b, double* x) noexcept override {
-    if (reference_q.size() == 0 || (evaluated_q - reference_q).cwiseAbs().maxCoeff() > kNewtonBend_rad ||
+    if (reference_q.size() == 0 || (evaluated_q - reference_q).cwiseAbs().maxCoeff() > newton_strain ||
         (tension - reference_tension).cwiseAbs().maxCoeff() >
             kNewtonTension * robot.limits.max_tension_base_N) {
       body.MassMatrix(evaluated_q, mass, workspace);
@@ -356,6 +360,7 @@ struct Plant::Impl final : OdeSystem {
   model::Body body;
   model::Body::Workspace workspace;
   int n, m;  // coordinates of the body, tendons
+  double newton_strain;
   std::vector<Drivetrain> drive;
 
   // As last evaluated, within a step or at its accepted end.

@@ -18,7 +18,7 @@ using ::testing::StartsWith;
 
 const std::string kRod = "robots/rod_5disks.yaml";
 
-std::string RefusalOf(const std::string& yaml) {
+std::string WhyRefused(const std::string& yaml) {
   try {
     ParseRobot(yaml, "rod.yaml");
   } catch (const ConfigError& e) {
@@ -96,14 +96,14 @@ TEST(Strains, WhatMakesNoSenseIsRefusedWithItsLineKeyAndRange) {
                            const std::string& accepted) {
     const std::string yaml = Edited(rod, from, to);
     const std::string line = std::to_string(LineWith(yaml, key + ":"));
-    EXPECT_THAT(RefusalOf(yaml), AllOf(StartsWith("rod.yaml:" + line + ": body.sections[1]." + key),
+    EXPECT_THAT(WhyRefused(yaml), AllOf(StartsWith("rod.yaml:" + line + ": body.sections[1]." + key),
                                        HasSubstr("accepted: " + accepted)));
   };
   refused("units_per_disk: 2", "units_per_disk: 0", "units_per_disk", "");
   refused("units_per_disk: 2", "units_per_disk: 3", "units_per_disk", "a divisor of units");
   refused(ratio, "", "strains", "torsion beside poissons_ratio (-0.99 .. 0.5)");
   refused(ratio, "poissons_ratio: 0.6 ", "poissons_ratio", "-0.99 .. 0.5");
-  EXPECT_EQ(RefusalOf(Edited(rod, ratio, "poissons_ratio: 0.3\n      torsional_stiffness_Nm2: 1e-3 ")),
+  EXPECT_EQ(WhyRefused(Edited(rod, ratio, "poissons_ratio: 0.3\n      torsional_stiffness_Nm2: 1e-3 ")),
             "accepted");
   refused(ratio, "poissons_ratio: 0.3\n      torsional_stiffness_Nm2: 1e-3\n      shear_stiffness_N: 6e3 ",
           "poissons_ratio", "one of the two");
@@ -137,11 +137,11 @@ TEST(TendonRoutes, ComeBackBitForBitAndAreRefusedWithTheirLine) {
     EXPECT_TRUE(read.body.sections[0].tendons[1].IsStraight());
   }
   EXPECT_THAT(ToYaml(ParseRobot(rod, "rod.yaml")), Not(HasSubstr("ends_at_disk")));
-  EXPECT_THAT(RefusalOf(with("ends_at_disk: 6")), HasSubstr("accepted: 1 .. 5"));
-  EXPECT_THAT(RefusalOf(with("ends_at_disk: 0")), HasSubstr("ends_at_disk"));
-  EXPECT_THAT(RefusalOf(with("end_radius_m: 0.0004")),
+  EXPECT_THAT(WhyRefused(with("ends_at_disk: 6")), HasSubstr("accepted: 1 .. 5"));
+  EXPECT_THAT(WhyRefused(with("ends_at_disk: 0")), HasSubstr("ends_at_disk"));
+  EXPECT_THAT(WhyRefused(with("end_radius_m: 0.0004")),
               HasSubstr("does not leave room for the hole of tendon 1"));
-  EXPECT_THAT(RefusalOf(with("end_radius_m: 0.006")), HasSubstr("disk_diameter_m"));
+  EXPECT_THAT(WhyRefused(with("end_radius_m: 0.006")), HasSubstr("disk_diameter_m"));
 }
 
 TEST(Strains, WhatKnowsBendingAloneSaysSo) {

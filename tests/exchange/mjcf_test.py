@@ -165,8 +165,13 @@ class Agreement(unittest.TestCase):
         files = sorted(ROBOTS.glob("*.yaml"))
         self.assertGreater(len(files), 4)
         for file in files:
+            robot = yaml.safe_load(file.read_text())
             with self.subTest(robot=file.stem):
-                self.compare(file, yaml.safe_load(file.read_text()))
+                if any("strains" in section for section in robot["body"]["sections"]):
+                    refused = tendril("model", "export", "--robot", file, "--mjcf", "unused.xml", status=1)
+                    self.assertIn("tendril model export knows bending alone", refused.stderr)
+                else:
+                    self.compare(file, robot)
 
     def test_what_an_ideal_robot_does_not_have(self):
         more = (

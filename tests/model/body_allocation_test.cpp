@@ -23,7 +23,7 @@ TEST_P(BodyAllocation, NoCallOfTheBodyAllocates) {
   test::Random random(1);
   const VectorXd q = random.Vector(n, -1, 1), dq = random.Vector(n, -1, 1), tension = random.Vector(m, 0, 5);
   VectorXd force(n), ddq(n), length(m), section(2 * body.sections());
-  MatrixXd mass(n, n), tip(6, n), jacobian(m, n), spans(m, body.disks());
+  MatrixXd mass(n, n), tip_jacobian(6, n), jacobian(m, n), spans(m, body.disks());
   const Eigen::Matrix3Xd on_disks = Eigen::Matrix3Xd::Ones(3, body.units());
   std::vector<Pose> poses(static_cast<std::size_t>(body.units()));
   double sum = 0;
@@ -31,7 +31,7 @@ TEST_P(BodyAllocation, NoCallOfTheBodyAllocates) {
   const auto before = test::AllocationCount();
   body.Poses(q, poses);
   sum += body.TipPose(q).p_WA.x();
-  body.TipJacobian(q, tip);
+  body.TipJacobian(q, tip_jacobian);
   body.TendonLengths(q, length);
   body.TendonShortening(q, length);
   body.TendonLengthJacobian(q, jacobian);

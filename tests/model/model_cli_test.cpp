@@ -167,19 +167,19 @@ TEST_F(ModelCommand, MassEnergyFkStaticsAndFrequenciesHaveTheAgreedColumns) {
 TEST_F(ModelCommand, UnitsThatTwistAndStretchHaveTheirColumns) {
   const std::string robot = "rod_5disks";
   const Result fk = Run("fk", "", robot);
-  EXPECT_THAT(fk.error, HasSubstr("u1,v1,w1,e1,u2,v2,w2,e2,"));
-  EXPECT_THAT(Run("accel", "", robot).error, HasSubstr("du10,dv10,dw10,de10,T1,T2,T3"));
-  EXPECT_THAT(Run("statics", "T1,T2,T3", robot).out, StartsWith("u1,v1,w1,e1,u2,v2,w2,e2,"));
+  EXPECT_THAT(fk.error, HasSubstr("u1,v1,w1,e1,sx1,sy1,u2,v2,"));
+  EXPECT_THAT(Run("accel", "", robot).error, HasSubstr("du10,dv10,dw10,de10,dsx10,dsy10,T1,T2,T3"));
+  EXPECT_THAT(Run("statics", "T1,T2,T3", robot).out, StartsWith("u1,v1,w1,e1,sx1,sy1,u2,v2,"));
   const Result twisted = Run("statics --disks", "mz,my,mx,T1,T2,T3\n0.01,0,0,1,1,1\n", robot);
   ASSERT_EQ(twisted.code, 0) << twisted.error;
   EXPECT_THAT(twisted.out, HasSubstr(",x,y,z,x1,y1,z1,qw1,qx1,qy1,qz1,x2,"));
   const Eigen::MatrixXd row = Rows(twisted.out);
-  ASSERT_EQ(row.cols(), 40 + 3 + 5 * 7);
+  ASSERT_EQ(row.cols(), 60 + 3 + 5 * 7);
   // The last disk is where the tip is, turned about z by the sum of all torsions.
-  EXPECT_LT((row.block(0, 40, 1, 3) - row.block(0, 43 + 4 * 7, 1, 3)).norm(), 1e-16);
+  EXPECT_LT((row.block(0, 60, 1, 3) - row.block(0, 63 + 4 * 7, 1, 3)).norm(), 1e-16);
   double turn_rad = 0;
-  for (int i = 0; i < 10; ++i) turn_rad += row(0, 4 * i + 2);
-  EXPECT_NEAR(row(0, 43 + 4 * 7 + 6), std::sin(0.5 * turn_rad), 1e-12);
+  for (int i = 0; i < 10; ++i) turn_rad += row(0, 6 * i + 2);
+  EXPECT_NEAR(row(0, 63 + 4 * 7 + 6), std::sin(0.5 * turn_rad), 1e-12);
   EXPECT_GT(turn_rad, 0.1);
 }
 

@@ -102,7 +102,8 @@ std::optional<double> FactorOf(const std::string& name, double length, double ma
   }
   const std::map<std::string, double> whole{{"m", length},   {"N", mass * length}, {"rad", 1},
                                             {"s", 1},        {"scale", 1},         {"mu", 1},
-                                            {"fraction", 1}, {"softening", 1},     {"spread", 1}};
+                                            {"fraction", 1}, {"softening", 1},     {"spread", 1},
+                                            {"compliance", 1}, {"shortening", 1}};
   const auto found = whole.find(name);
   return found == whole.end() ? std::nullopt : std::optional(found->second);
 }

@@ -100,7 +100,7 @@ class TipSolver {
   double farthest_m() const { return farthest_m_; }
 
  private:
-  const RobotParameters& robot_;
+  RobotParameters robot_;
   model::Body body_;
   bool nearest_;
   double distance_m_ = 0, farthest_m_ = 0;
