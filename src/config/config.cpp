@@ -171,6 +171,7 @@ DaemonParameters LoadDaemon(const std::string& path) {
         fmt::format("no such file: {}; accepted: {}; correct the path", robot.string(), kPathRule.accepted));
   }
   daemon.robot_file = robot.string();
+  if (!daemon.lcm.key_file.empty()) daemon.lcm.key_file = beside(daemon.lcm.key_file).string();
   for (NodeParameters& node : daemon.bus.nodes) {
     if (node.eds_file.empty()) continue;
     const fs::path eds = beside(node.eds_file);

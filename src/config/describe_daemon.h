@@ -268,6 +268,9 @@ void Describe(Io& io, LcmParameters& p) {
   io.Integer("state_every_cycles", p.state_every_cycles, {1, 100000}, "Publishes every n-th state.");
   io.Integer("cycle_every_cycles", p.cycle_every_cycles, {0, 100000},
              "Publishes every n-th cycle record, 0 none; logs for the gap diagnosis need 1.");
+  if (GivenOrOther(io, "key_file", p.key_file, std::string(), "none"))
+    io.Text("key_file", p.key_file, kKeyRule,
+            "File with a key: commands are accepted only if signed with it (HMAC-SHA-256), and once.");
 }
 
 template <class Io>

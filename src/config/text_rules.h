@@ -38,6 +38,8 @@ inline constexpr TextRule kPathRule{
     "the path of a robot file, absolute or relative to this file", "^[^\\x00-\\x1f\\x7f]+$"};
 inline constexpr TextRule kEdsRule{kPathRule.ok, "the path of an EDS file, absolute or relative to this file",
                                    kPathRule.pattern};
+inline constexpr TextRule kKeyRule{kPathRule.ok, "the path of a key file, absolute or relative to this file",
+                                   kPathRule.pattern};
 inline constexpr TextRule kObjectRule{[](std::string_view t) {
                                         constexpr std::string_view kHex = "0123456789ABCDEFabcdef";
                                         return t.size() == 9 && t.starts_with("0x") && t[6] == ':' &&

@@ -121,7 +121,7 @@ class Check {
     CellResolution();
     CellNoise();
     DriveCurrent();
-    Routers();
+    Network();
     Feedbacks();
     States();
     return lines_;
@@ -140,7 +140,7 @@ class Check {
   void CellResolution();
   void CellNoise();
   void DriveCurrent();
-  void Routers();
+  void Network();
   void Feedbacks();
   void States();
 
@@ -412,16 +412,21 @@ void Check::DriveCurrent() {
   }
 }
 
-void Check::Routers() {
-  if (const std::size_t at = daemon_.lcm.url.find("ttl="); at != std::string::npos) {
-    if (const int ttl = std::atoi(daemon_.lcm.url.c_str() + at + 4); ttl > 1) {
-      lines_.emplace_back(
-          ErrorAt(daemon_path_, "lcm.url",
-                  fmt::format("ttl={}: commands to {} cross routers; set ttl=0 (this computer) or "
-                              "ttl=1 (its network)",
-                              ttl, robot_.name))
-              .what());
-    }
+void Check::Network() {
+  const std::size_t at = daemon_.lcm.url.find("ttl=");
+  const int ttl = at == std::string::npos ? 0 : std::atoi(daemon_.lcm.url.c_str() + at + 4);
+  const auto say = [&](const std::string& text) {
+    lines_.emplace_back(ErrorAt(daemon_path_, "lcm.url", fmt::format("ttl={}: {}", ttl, text)).what());
+  };
+  if (ttl > 1) {
+    say(fmt::format("commands to {} cross routers; set ttl=0 (this computer) or ttl=1 (its network)",
+                    robot_.name));
+  }
+  if (ttl > 0 && daemon_.lcm.key_file.empty()) {
+    say(fmt::format(
+        "every computer of the network can command {}; set ttl=0, or lcm.key_file, so that commands "
+        "must be signed",
+        robot_.name));
   }
 }
 

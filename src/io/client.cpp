@@ -9,12 +9,14 @@
 #include <functional>
 #include <lcm/lcm-cpp.hpp>
 #include <mutex>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 #include <vector>
 
 #include "tendril/io/connection.h"
 #include "tendril/io/epoch.h"
+#include "tendril/io/signature.h"
 #include "tendril/io/status_text.h"
 #include "tendril/io/wire.h"
 
@@ -49,6 +51,7 @@ struct Client::State {
         bending_channel(ChannelName(prefix, "COMMAND_BENDING")),
         tension_channel(ChannelName(prefix, "COMMAND_TENSION")),
         mode_channel(ChannelName(prefix, "COMMAND_MODE")) {
+    if (const std::string file = KeyFileOfEnvironment(); !file.empty()) signer.emplace(LoadKey(file));
     Subscribe<&State::event, &State::TakeEvent>("EVENT");
   }
 
@@ -71,16 +74,26 @@ struct Client::State {
         this));
   }
 
+  template <class Message>
+  bool Publish(const std::string& channel, const Message& message) {
+    std::vector<std::uint8_t> bytes(static_cast<std::size_t>(message.getEncodedSize()));
+    if (message.encode(bytes.data(), 0, static_cast<int>(bytes.size())) < 0) return false;
+    if (signer) signer->Sign(channel, EpochUs(), bytes);
+    return lcm->publish(channel, bytes.data(), static_cast<unsigned>(bytes.size())) == 0;
+  }
+
   void TakeState() { state_sink(state); }
   void TakeStatistics() { statistics_sink(statistics); }
   void TakeRun() { run_sink(run); }
   void TakeEvent() {
     if (event.source == "daemon" && event.text.starts_with("waiting: ")) waits = event.text;
+    if (event.source == "gateway" && event.text.starts_with(prefix + "_COMMAND_")) ignored = event.text;
     if (event_sink) event_sink(event);
   }
 
   std::unique_ptr<lcm::LCM> owned;
   lcm::LCM* lcm;
+  std::optional<Signer> signer;
   std::string prefix, tip_channel, bending_channel, tension_channel, mode_channel;
   std::vector<lcm_subscription_t*> subscriptions;
   StateSink state_sink;
@@ -91,7 +104,7 @@ struct Client::State {
   tendril_lcm::event_t event{};
   tendril_lcm::statistics_t statistics{};
   tendril_lcm::run_t run{};
-  std::string waits;
+  std::string waits, ignored;
 };
 
 Client::Client(const std::string& url, const std::string& channel_prefix)
@@ -111,6 +124,7 @@ void Client::OnState(StateSink sink) {
 void Client::OnEvent(EventSink sink) { state_->event_sink = std::move(sink); }
 
 const std::string& Client::waits() const noexcept { return state_->waits; }
+const std::string& Client::ignored() const noexcept { return state_->ignored; }
 
 void Client::OnStatistics(StatisticsSink sink) {
   const bool first = !state_->statistics_sink;
@@ -149,7 +163,7 @@ bool Client::Send(const Command& c, std::int64_t utime) {
         m.tip_W_m[i] = c.tip_W_m[i];
         m.tip_velocity_W_mps[i] = c.tip_velocity_W_mps[i];
       }
-      return s.lcm->publish(s.tip_channel, &m) == 0;
+      return s.Publish(s.tip_channel, m);
     }
     case CommandKind::kBending: {
       auto m = WithHeader<tendril_lcm::command_bending_t>(c, utime);
@@ -158,19 +172,19 @@ bool Client::Send(const Command& c, std::int64_t utime) {
       m.num_rate = static_cast<int>(c.bending_rate_radps.size());
       m.bending_rad.assign(c.bending_rad.begin(), c.bending_rad.end());
       m.bending_rate_radps.assign(c.bending_rate_radps.begin(), c.bending_rate_radps.end());
-      return s.lcm->publish(s.bending_channel, &m) == 0;
+      return s.Publish(s.bending_channel, m);
     }
     case CommandKind::kTension: {
       auto m = WithHeader<tendril_lcm::command_tension_t>(c, utime);
       m.speed_radps = c.speed_radps;
       m.num_tendons = static_cast<int>(c.tension_N.size());
       m.tension_base_N.assign(c.tension_N.begin(), c.tension_N.end());
-      return s.lcm->publish(s.tension_channel, &m) == 0;
+      return s.Publish(s.tension_channel, m);
     }
     case CommandKind::kMode: {
       auto m = WithHeader<tendril_lcm::command_mode_t>(c, utime);
       m.request = static_cast<std::int8_t>(c.mode);
-      return s.lcm->publish(s.mode_channel, &m) == 0;
+      return s.Publish(s.mode_channel, m);
     }
   }
   return false;

@@ -3,11 +3,14 @@
 
 #include <algorithm>
 #include <lcm/lcm-cpp.hpp>
+#include <optional>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "tendril/io/connection.h"
 #include "tendril/io/epoch.h"
+#include "tendril/io/signature.h"
 #include "tendril/io/wire.h"
 
 namespace tendril::io {
@@ -19,6 +22,10 @@ constexpr std::int64_t kLongestWait_us = 5'000'000;
 
 // Undecodable messages give one event per second; the counter has the total.
 constexpr TimeNs kComplaintEvery_ns = kNsPerS;
+
+template <class Message>
+constexpr bool kCommands =
+    !std::is_same_v<Message, tendril_lcm::tracker_t> && !std::is_same_v<Message, tendril_lcm::run_t>;
 
 }  // namespace
 
@@ -34,7 +41,9 @@ struct Gateway::State {
         run_channel(ChannelName(parameters.channel_prefix, "RUN")),
         event_channel(ChannelName(parameters.channel_prefix, "EVENT")),
         statistics_channel(ChannelName(parameters.channel_prefix, "STATISTICS")),
-        lcm(OpenLcm(parameters.url)) {}
+        lcm(OpenLcm(parameters.url)) {
+    if (!parameters.key_file.empty()) verifier.emplace(LoadKey(parameters.key_file), EpochUs());
+  }
 
   std::int64_t UtimeOf(TimeNs t_ns) const { return t_ns / kNsPerUs + epoch_offset_us; }
 
@@ -92,6 +101,13 @@ struct Gateway::State {
   template <class Message>
   void Received(const lcm_recv_buf_t* bytes, const char* channel, Message& message) {
     ++counters.received;
+    if (verifier && kCommands<Message>) {
+      const std::string why = verifier->Refusal(channel, bytes->data, bytes->data_size, EpochUs());
+      if (!why.empty()) {
+        Complain(channel, why);
+        return;
+      }
+    }
     if (!Decode(bytes->data, static_cast<int>(bytes->data_size), message)) {
       Complain(channel, "these bytes are not the message of this channel (compare the sender's lcm_types)");
       return;
@@ -145,6 +161,7 @@ struct Gateway::State {
   std::int64_t epoch_offset_us;
   std::string state_channel, cycle_channel, run_channel, event_channel, statistics_channel;
   std::unique_ptr<lcm::LCM> lcm;
+  std::optional<Verifier> verifier;  // none: any command is accepted
   CommandSink command_sink;
   TrackerSink tracker_sink;
   RunSink run_sink;

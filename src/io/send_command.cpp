@@ -119,6 +119,8 @@ class Conversation {
       if (!answered_ && MayRepeat(command_) && clock_.Now() > sent_ns_ + kRepeat_ns) Publish();
     }
     RequireDaemon();
+    if (!answered_ && !client_.ignored().empty())
+      throw std::runtime_error("the daemon did not take the command: " + client_.ignored());
     if (!answered_) {
       throw std::runtime_error(fmt::format(
           "the daemon is running but did not receive the command within {:g} s; try again", call_.timeout_s));

@@ -163,9 +163,19 @@ TEST(Warnings, AnAddressWithinTheProcessOnly) {
                                 HasSubstr("; set udpm://"))));
 }
 
+TEST(Warnings, CommandsOfANetworkWithoutAKey) {
+  DaemonParameters daemon = LoadDaemon(ConfigPath("tendrild.yaml"));
+  const RobotParameters robot = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
+  daemon.lcm.url = "udpm://239.255.76.67:7667?ttl=1";
+  EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild.yaml")),
+              ElementsAre(AllOf(HasSubstr("lcm.url: ttl=1: every computer of the network can command"),
+                                HasSubstr("lcm.key_file"))));
+}
+
 TEST(Warnings, CommandsThatCrossRouters) {
   DaemonParameters daemon = LoadDaemon(ConfigPath("tendrild.yaml"));
   const RobotParameters robot = LoadRobot(ConfigPath("robots/rig_60mm.yaml"));
+  daemon.lcm.key_file = "/etc/tendril/key";
   daemon.lcm.url = "udpm://239.255.76.67:7667?ttl=1";
   EXPECT_THAT(Warnings(daemon, robot, ConfigPath("tendrild.yaml")), IsEmpty());
   daemon.lcm.url = "udpm://239.255.76.67:7667?ttl=99";

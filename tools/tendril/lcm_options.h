@@ -2,6 +2,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <cstdlib>
 #include <string>
 
 #include "tendril/core/daemon.h"
@@ -40,6 +41,12 @@ inline void AddLcmOptions(CLI::App& app, LcmOptions& options) {
   app.add_option("--prefix", options.prefix, "as in the daemon's lcm.channel_prefix")
       ->capture_default_str()
       ->check(ChannelPrefix());
+  app.add_option_function<std::string>(
+         "--key", [](const std::string& file) { setenv("TENDRIL_KEY_FILE", file.c_str(), 1); },
+         "file with the key with which commands are signed, as in the daemon's lcm.key_file")
+      ->envname("TENDRIL_KEY_FILE")
+      ->type_name("FILE")
+      ->check(CLI::ExistingFile);
 }
 
 /// When no state came within some time.

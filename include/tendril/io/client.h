@@ -28,7 +28,8 @@ class Client {
   using RunSink = std::function<void(const tendril_lcm::run_t&)>;
   using StatisticsSink = std::function<void(const tendril_lcm::statistics_t&)>;
 
-  /// Opens its own connection. Throws std::runtime_error with the remedy when it cannot be opened.
+  /// Opens its own connection. Throws std::runtime_error with the remedy when it, or the key file that
+  /// TENDRIL_KEY_FILE names, cannot be opened.
   Client(const std::string& url, const std::string& channel_prefix);
   /// On an existing connection (for example Gateway::lcm()), which must outlive the client.
   Client(lcm::LCM* lcm, const std::string& channel_prefix);
@@ -44,8 +45,12 @@ class Client {
   /// yet. Empty until received in Handle.
   const std::string& waits() const noexcept;
 
-  /// Publishes the command on its channel, except kind kNone. `utime` [us since the epoch] is the time of the
-  /// command, 0: its time of arrival. received_ns of the command is not sent. False when publishing failed.
+  /// The gateway's last reason to ignore a command of anybody, as "TENDRIL_COMMAND_MODE: message ignored:
+  /// ..."; empty: none in Handle so far.
+  const std::string& ignored() const noexcept;
+  /// Publishes the command on its channel, except kind kNone, signed where TENDRIL_KEY_FILE names a key.
+  /// `utime` [us since the epoch] is the time of the command, 0: its time of arrival. received_ns of the
+  /// command is not sent. False when publishing failed.
   bool Send(const Command& command, std::int64_t utime);
 
   /// As Gateway::Handle.

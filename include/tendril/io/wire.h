@@ -9,6 +9,7 @@
 #include "tendril/core/cycle.h"
 #include "tendril/core/statistics.h"
 #include "tendril/io/gateway.h"
+#include "tendril/io/signature.h"
 #include "tendril_lcm/command_bending_t.hpp"
 #include "tendril_lcm/command_mode_t.hpp"
 #include "tendril_lcm/command_tension_t.hpp"
@@ -48,7 +49,8 @@ template <class Message>
 bool Decode(const void* data, int size, Message& message) noexcept {
   if (!CountsPlausible(data, size, kLeadingCounts<Message>)) return false;
   try {
-    return message.decode(data, 0, size) == size;
+    const auto message_size = static_cast<int>(UnsignedSize(data, static_cast<std::size_t>(size)));
+    return message.decode(data, 0, message_size) == message_size;
   } catch (const std::exception&) {
     return false;
   }
