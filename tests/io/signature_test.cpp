@@ -148,11 +148,11 @@ class SignedGateway : public testing::Test {
   }
   ~SignedGateway() override { unsetenv("TENDRIL_KEY_FILE"); }
 
-  void Send(const std::string& key_file) {
-    if (key_file.empty()) {
+  void Send(const std::string& with) {
+    if (with.empty()) {
       unsetenv("TENDRIL_KEY_FILE");
     } else {
-      setenv("TENDRIL_KEY_FILE", key_file.c_str(), 1);
+      setenv("TENDRIL_KEY_FILE", with.c_str(), 1);
     }
     Client client(gateway.lcm(), "TENDRIL");
     Command disarm;
