@@ -31,7 +31,7 @@ from .effects import effects
 from .errors import ConfigError, DaemonError, Error, ModelError
 from .model import Bending, Inverse, InverseTip, Model, Tip
 from .report import Report
-from .simulation import simulate
+from .simulation import Motions, simulate, simulate_torques
 from .state import Event, State, Statistics
 from .tracking import Tracking, track
 from .transmission import Capstan, capstan
@@ -71,6 +71,7 @@ __all__ = [
     "InverseTip",
     "Model",
     "ModelError",
+    "Motions",
     "Report",
     "Robot",
     "Run",
@@ -86,5 +87,6 @@ __all__ = [
     "load_robot",
     "parse_robot",
     "simulate",
+    "simulate_torques",
     "track",
 ]

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 from . import _core
-from ._arrays import file_name, flag, text, whole
+from ._arrays import Array, file_name, flag, number, numbers, text, whole
 from .data_set import DataSet, Path, as_robot
 from .effects import effect_texts
 
@@ -63,3 +67,65 @@ def simulate(
         progress,
     )
     return DataSet(runs)
+
+
+class Motions(NamedTuple):
+    """What R simulated robots did in S steps: true values at the ends of the steps, NaN where a solver gave up."""
+
+    time: Array
+    """Ends of the steps [s], (S,)."""
+    tip: Array
+    """Position of the last disk [m], (R, S, 3)."""
+    bending: Array
+    """(us, vs) of each section [rad], (R, S, 2K)."""
+    tension_base: Array
+    """Tensions at the robot's base [N], (R, S, M)."""
+    tension_motor: Array
+    """Tensions on the motors' side of the pulleys [N], (R, S, M)."""
+    motor_angle: Array
+    """[rad], (R, S, M)."""
+    failed: list[str]
+    """Why a robot's solver gave up; empty where it did not, (R)."""
+
+
+def simulate_torques(
+    robot: _core.Robot | Path,
+    torque: ArrayLike,
+    step: float,
+    variants: Sequence[Sequence[str]] = ((),),
+    *,
+    jobs: int = 2,
+    progress: Progress | None = None,
+) -> Motions:
+    """Many robots at once under the same motor torques, without a controller.
+
+        masses = np.linspace(0, 0.005, 50)
+        found = tendril.simulate_torques(robot, torque, 0.001, [[f"tip_payload mass_kg={m}"] for m in masses])
+        found.tip[:, -1]                                            # where each ends
+
+    Each starts straight and at rest, every tendon at the minimum tension.
+
+    Args:
+        robot: nominal robot, or its file (a rig: with actuation).
+        torque: of the motors [N·m], (S, M); a row holds for one step.
+        step: length of a step [s].
+        variants: for each robot the effects that it has beyond the nominal one, as in `simulate`; [[]] is the nominal
+            robot alone.
+        jobs: robots at a time; the result does not depend on it.
+        progress: called with the completed share.
+    """
+    nominal = as_robot(robot)
+    table = numbers("torque", torque, "(S, M) torques [N·m]")
+    if table.ndim != 2 or table.shape[0] == 0 or table.shape[1] != nominal.tendons:
+        raise ValueError(f"torque has shape {table.shape}; give (S, {nominal.tendons}): a row a step, S at least 1")
+    length = number("step", step, "seconds")
+    if not 1e-5 <= length <= 1:
+        raise ValueError(f"step is {length:g} s; give 1e-5 to 1 s")
+    if isinstance(variants, str):
+        raise ValueError(f"variants is the text {variants!r}; give a list of lists of effects: [[{variants!r}]]")
+    if not len(variants):
+        raise ValueError("variants is empty; give a list of effects for each robot, [[]] for the nominal one alone")
+    effects = [effect_texts(f"variants[{i}]", variant, "texts") for i, variant in enumerate(variants)]
+    *tables, failed = _core.simulate_torques(nominal, effects, table, length, whole("jobs", jobs, 1, 64), progress)
+    tip, bending, base, motor, angle = (rows.reshape(len(effects), table.shape[0], -1) for rows in tables)
+    return Motions(length * np.arange(1, table.shape[0] + 1), tip, bending, base, motor, angle, failed)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -288,3 +289,37 @@ def test_an_exception_in_progress_ends_the_work(folder):
 
 def test_the_gil_is_released(diagnosed):
     assert diagnosed.turns > 50
+
+
+def test_robots_under_the_same_torques(rig):
+    pulls = np.zeros((400, rig.tendons))
+    pulls[:, 0] = np.linspace(0, 0.002, 400)
+    masses = [0.0, 0.002, 0.004]
+    seen = []
+    variants = [[f"tip_payload mass_kg={m}"] for m in masses]
+    found = tendril.simulate_torques(rig, pulls, 0.001, variants, progress=lambda *stage: seen.append(stage))
+    assert found.tip.shape == (3, 400, 3) and found.tension_base.shape == (3, 400, rig.tendons)
+    assert found.bending.shape == (3, 400, 2) and found.failed == ["", "", ""]
+    assert found.time[-1] == pytest.approx(0.4) and seen and seen[-1][0] == "simulating"
+    assert 0.002 < found.tip[0, -1, 0] < found.tip[2, -1, 0]  # upright: a heavier tip falls further
+    alone = tendril.simulate_torques(rig, pulls, 0.001, [variants[1]], jobs=1)
+    for of_all, of_one in zip(found[1:6], alone[1:6], strict=True):
+        np.testing.assert_array_equal(of_all[1], of_one[0])
+    nominal = tendril.simulate_torques(rig, pulls, 0.001)
+    np.testing.assert_array_equal(nominal.tip[0], found.tip[0])
+
+
+def test_wrong_torques_are_named(rig):
+    pulls = np.zeros((3, rig.tendons))
+    for arguments, words in [
+        ((np.zeros((3, 9)), 0.001), "torque has shape (3, 9)"),
+        ((pulls, 0.0), "step is 0 s"),
+        ((pulls, 0.001, []), "variants is empty"),
+        ((pulls, 0.001, "tip_payload"), "list of lists"),
+        ((pulls, 0.001, [["tip_payloat mass_kg=1"]]), "did you mean tip_payload"),
+        ((np.full_like(pulls, np.inf), 0.001), "finite"),
+    ]:
+        with pytest.raises(ValueError, match=re.escape(words)):
+            tendril.simulate_torques(rig, *arguments)
+    with pytest.raises(ValueError, match="mass_kg"):
+        tendril.simulate_torques(rig, pulls, 0.001, [["tip_payload mass_kg=-1"]])

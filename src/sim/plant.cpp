@@ -15,6 +15,7 @@
 #include <stdexcept>
 
 #include "actuation.h"
+#include "capstan_cache.h"
 #include "drivetrain.h"
 #include "integrator.h"
 #include "laws.h"
@@ -76,9 +77,10 @@ struct Plant::Impl final : OdeSystem {
         lu(n),
         sensor_noise(plant_options.sensor_noise, plant_options.seed),
         tracker_noise(plant_options.sensor_noise, plant_options.seed + kTrackerSeed) {
-    const auto tables = model::MakeCapstanTables(actuation.tendons, TabulatedTo_N(robot));
-    for (std::size_t j = 0; j < tables.size(); ++j) {
-      drive.emplace_back(actuation.tendons[j], robot.limits.min_tension_N, tables[j], laws.tendon[j]);
+    for (std::size_t j = 0; j < actuation.tendons.size(); ++j) {
+      const TendonDriveParameters& tendon = actuation.tendons[j];
+      drive.emplace_back(tendon, robot.limits.min_tension_N,
+                         CachedCapstanTable(tendon.transmission, TabulatedTo_N(robot)), laws.tendon[j]);
     }
     length_jacobian.setZero(m, n);
     weighted.setZero(m, n);

@@ -230,7 +230,7 @@ TEST(FirstRobot, WhatIsRefusedNamesTheAcceptedRange) {
 TEST(FirstRobot, EveryKeyThatIsWrittenHasItsMeaning) {
   const std::string text = RobotFileText(Ask(Given({}), SameName), "/somewhere/robot.schema.json");
   EXPECT_THAT(text, testing::StartsWith("# yaml-language-server: $schema=/somewhere/robot.schema.json\n"));
-  EXPECT_THAT(text, HasSubstr("# Mass of one unit, lumped at its disk. Accepted: 1e-07 .. 10 kg.\n"));
+  EXPECT_THAT(text, HasSubstr("# Mass of one unit, lumped at its end. Accepted: 1e-07 .. 10 kg.\n"));
   EXPECT_THAT(text, HasSubstr("disk_diameter_m: 0.01\n"));
   std::istringstream lines(text);
   std::string before;

@@ -337,7 +337,8 @@ TEST(ReportJson, NamesTheUnitOfEachParameter) {
   EXPECT_EQ(text("periods_per_turn"), "periods per turn|");
   EXPECT_EQ(text("softening"), "softening|");
   // Every parameter of the registry but pure numbers has one.
-  const std::set<std::string_view> pure{"scale", "mu", "fraction", "softening", "spread", "periods_per_turn"};
+  const std::set<std::string_view> pure{"scale",  "mu",         "fraction",   "softening",
+                                        "spread", "compliance", "shortening", "periods_per_turn"};
   for (const sim::Effect& e : sim::Effects()) {
     for (const sim::EffectParameter& p : e.parameters) {
       EXPECT_EQ(TextOf(p.name).unit.empty(), pure.contains(p.name)) << e.name << " " << p.name;

@@ -113,6 +113,7 @@ void AddCommissionCommand(CLI::App& app) {
   command->add_option("--lcm", options->lcm, "LCM address (default: the file's lcm.url)")->check(LcmUrl());
   command->add_option("--prefix", options->prefix, "of channels (default: the file's lcm.channel_prefix)")
       ->check(ChannelPrefix());
+  AddKeyOption(*command);
   command
       ->add_option(
           "--seen", options->seen_deg,

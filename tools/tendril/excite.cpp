@@ -124,7 +124,7 @@ void AddExciteCommand(CLI::App& app) {
       ->capture_default_str();
   command->add_flag("--live", options->live, "on a running daemon instead of the plant in this process");
   command->add_flag("--arm", options->arm, "with --live: arm before every run, disarm after the last");
-  AddLcmOptions(*command, options->lcm);
+  AddOperatorOptions(*command, options->lcm);
   command->callback([options] { RunExcite(*options); });
 }
 

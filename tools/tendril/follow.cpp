@@ -81,7 +81,7 @@ void AddFollowCommand(CLI::App& app) {
   follow->add_option("--robot", o->robot, "robot file for planning the motion, instead of the daemon's own");
   follow->add_flag("--dry-run", o->dry_run, "plan and report only; needs --config, and no daemon");
   follow->add_option("--config", o->config, "for --dry-run: the daemon's file");
-  AddLcmOptions(*follow, o->lcm);
+  AddOperatorOptions(*follow, o->lcm);
 
   const auto run = [o] { Run(*o); };
   AddPlannedMotions(*follow, o->request, run);

@@ -94,7 +94,7 @@ void AddHomeCommand(CLI::App& app) {
   auto o = std::make_shared<HomeOptions>();
   CLI::App* home = app.add_subcommand(
       "home", "Wind in the tendons' slack gently, pretension, and set displacement to zero; then hold");
-  AddLcmOptions(*home, o->lcm);
+  AddOperatorOptions(*home, o->lcm);
   home->add_option("--timeout", o->timeout_s, "how long to wait for the end [s]")
       ->capture_default_str()
       ->check(NumberFrom(1, 3600, "give seconds"));

@@ -41,12 +41,20 @@ inline void AddLcmOptions(CLI::App& app, LcmOptions& options) {
   app.add_option("--prefix", options.prefix, "as in the daemon's lcm.channel_prefix")
       ->capture_default_str()
       ->check(ChannelPrefix());
+}
+
+/// Of those that command.
+inline void AddKeyOption(CLI::App& app) {
   app.add_option_function<std::string>(
          "--key", [](const std::string& file) { setenv("TENDRIL_KEY_FILE", file.c_str(), 1); },
          "file with the key with which commands are signed, as in the daemon's lcm.key_file")
       ->envname("TENDRIL_KEY_FILE")
       ->type_name("FILE")
       ->check(CLI::ExistingFile);
+}
+inline void AddOperatorOptions(CLI::App& app, LcmOptions& options) {
+  AddLcmOptions(app, options);
+  AddKeyOption(app);
 }
 
 /// When no state came within some time.

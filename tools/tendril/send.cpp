@@ -89,7 +89,7 @@ void AddSendCommand(CLI::App& app) {
   auto o = std::make_shared<SendOptions>();
   CLI::App* send =
       app.add_subcommand("send", "Command a running daemon and wait for its answer")->fallthrough(false);
-  AddLcmOptions(*send, o->lcm);
+  AddOperatorOptions(*send, o->lcm);
   send->add_option("--speed", o->speed_radps,
                    "bending speed towards the target [rad/s]; 0: the daemon's default")
       ->check(NumberFrom(0, kMostSpeed_radps, "leave it out for the daemon's own"));

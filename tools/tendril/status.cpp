@@ -116,7 +116,7 @@ void Status(const StatusOptions& o) {
 void AddStatusCommand(CLI::App& app) {
   auto o = std::make_shared<StatusOptions>();
   CLI::App* status = app.add_subcommand("status", "Show what a running daemon is doing");
-  AddLcmOptions(*status, o->lcm);
+  AddOperatorOptions(*status, o->lcm);
   status->add_flag(
       "--watch", o->watch,
       "keep updating until interrupted, with robot, bus, drives (state, error, serial), last fault "

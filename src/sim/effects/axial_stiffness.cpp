@@ -8,8 +8,10 @@ void Soften(SectionParameters& s, double compliance_pN) {
   const double own_pN = s.extension ? s.unit_length_m / s.UnitAxialStiffness() : 0;
   const double total_pN = own_pN + compliance_pN;
   if (!(total_pN > 0) || compliance_pN == 0) return;
+  const bool damped = s.extension;
   s.extension = true;
   s.axial_stiffness_N = 1 / total_pN;
+  if (!damped) s.axial_damping_Nspm = DampingTime_s(s) * *s.axial_stiffness_N / s.unit_length_m;
 }
 
 }  // namespace

@@ -31,6 +31,10 @@ void ForUnits(RobotParameters& robot, Target target, Change change) {
   }
 }
 
+/// Viscous damping of a strain of this stiffness in the material that damps the section's bending: the same time
+/// constant [s].
+inline double DampingTime_s(const SectionParameters& s) { return s.bending_damping_Nms / s.UnitStiffness(); }
+
 /// Units [first, end) of the target's section, or all.
 struct UnitRange {
   int first = 0, end = 0;

@@ -11,8 +11,10 @@ void Soften(SectionParameters& s, double compliance) {
   const double own = s.torsion ? 1 / (s.UnitTorsionalStiffness() * s.unit_length_m) : 0;
   const double total = own + compliance * (s.torsion ? own : OfARoundRod(s));
   if (!(total > 0) || compliance == 0) return;
+  const bool damped = s.torsion;
   s.torsion = true;
   s.torsional_stiffness_Nm2 = 1 / total;
+  if (!damped) s.torsional_damping_Nms = DampingTime_s(s) * s.UnitTorsionalStiffness();
 }
 
 }  // namespace
