@@ -12,8 +12,8 @@ namespace {
 class CapstanCache {
  public:
   using Table = std::shared_ptr<const model::CapstanTable>;
-  Table Get(const TransmissionParameters& t, double most_N) {
-    std::vector<double> key{most_N, t.low_tension_N};
+  Table Get(const TransmissionParameters& t, double most_N, double relative_error) {
+    std::vector<double> key{most_N, relative_error, t.low_tension_N};
     for (const auto& p : t.pulleys) {
       key.insert(key.end(), {static_cast<double>(p.law), p.wrap_rad, p.radius_ratio, p.alpha, p.exponent,
                              p.entry_angle_rad});
@@ -26,7 +26,7 @@ class CapstanCache {
         return found->second.table;
       }
     }
-    const auto table = std::make_shared<const model::CapstanTable>(t, most_N, kRelativeError);
+    const auto table = std::make_shared<const model::CapstanTable>(t, most_N, relative_error);
     const std::lock_guard lock(mutex_);
     if (tables_.size() >= kMost) {
       tables_.erase(std::min_element(tables_.begin(), tables_.end(), [](const auto& a, const auto& b) {
@@ -38,7 +38,6 @@ class CapstanCache {
 
  private:
   static constexpr std::size_t kMost = 256;
-  static constexpr double kRelativeError = 1e-5;  // thousandths of a millinewton, in half the time of 1e-6
 
   struct Entry {
     Table table;
@@ -52,9 +51,9 @@ class CapstanCache {
 }  // namespace
 
 std::shared_ptr<const model::CapstanTable> CachedCapstanTable(const TransmissionParameters& transmission,
-                                                              double most_N) {
+                                                              double most_N, double relative_error) {
   static CapstanCache all;
-  return all.Get(transmission, most_N);
+  return all.Get(transmission, most_N, relative_error);
 }
 
 }  // namespace tendril::sim

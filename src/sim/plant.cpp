@@ -36,6 +36,8 @@ constexpr double kNewtonBend_rad = 0.05;
 constexpr double kNewtonStrain = 1e-3;
 constexpr double kNewtonTension = 0.125;
 
+constexpr double kCapstan = 1e-6;  // relative error of the Capstan tables
+
 // A reversal within a step is detected from the velocities at both ends, so two reversals of a motor that
 // oscillates on its micro-slip (some 100 Hz) must not fall into one step.
 constexpr double kLongestStep_s = 0.5e-3;
@@ -80,7 +82,8 @@ struct Plant::Impl final : OdeSystem {
     for (std::size_t j = 0; j < actuation.tendons.size(); ++j) {
       const TendonDriveParameters& tendon = actuation.tendons[j];
       drive.emplace_back(tendon, robot.limits.min_tension_N,
-                         CachedCapstanTable(tendon.transmission, TabulatedTo_N(robot)), laws.tendon[j]);
+                         CachedCapstanTable(tendon.transmission, TabulatedTo_N(robot), kCapstan),
+                         laws.tendon[j]);
     }
     length_jacobian.setZero(m, n);
     weighted.setZero(m, n);

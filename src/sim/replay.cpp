@@ -85,7 +85,8 @@ struct Replay::Impl {
     for (int j = 0; j < m; ++j) {
       const auto& p = actuation.tendons[At(j)];
       drive.emplace_back(p, robot.limits.min_tension_N,
-                         CachedCapstanTable(p.transmission, TabulatedTo_N(robot)), laws.tendon[At(j)]);
+                         CachedCapstanTable(p.transmission, TabulatedTo_N(robot), kReplayedCapstan),
+                         laws.tendon[At(j)]);
       const auto& nominal = Actuation(given, "a replay").tendons[At(j)].load_cell;
       if (nominal.place == LoadCellPlace::kNone) {
         cell.push_back({1, 0});
