@@ -73,7 +73,7 @@ inline void Body::Workspace::Unit::PassOn(ArticulatedInertia& all, Vec& force, V
 struct Body::Workspace::Strained : StrainedState {};
 
 Body::Workspace::Workspace(const Body& body)
-    : units_(body.bends_only() ? body.units() : 0), strained_(body.bends_only() ? 0 : body.units()) {}
+    : units_(body.strained_ ? 0 : body.units()), strained_(body.strained_ ? body.units() : 0) {}
 Body::Workspace::Workspace(const Workspace& other) = default;
 Body::Workspace::Workspace(Workspace&& other) noexcept = default;
 Body::Workspace& Body::Workspace::operator=(const Workspace& other) = default;

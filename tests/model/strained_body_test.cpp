@@ -446,6 +446,17 @@ TEST(TendonLayout, HolesThatAllTurnAreADiskColumnThatTurns) {
     a.TendonForce(q, tension, force_a);
     b.TendonForce(q, tension, force_b);
     EXPECT_LT((force_a - force_b).norm(), 1e-14);
+    // One is computed as a body that only bends, the other as a chain that may strain in every way.
+    Body::Workspace of_a(a), of_b(b);
+    const VectorXd dq = random.Vector(a.dof(), -10, 10);
+    VectorXd ddq_a(a.dof()), ddq_b(a.dof());
+    a.ForwardDynamics(q, dq, force_a, ddq_a, of_a);
+    b.ForwardDynamics(q, dq, force_b, ddq_b, of_b);
+    EXPECT_LT((ddq_a - ddq_b).norm(), 1e-10 * ddq_b.norm());
+    MatrixXd mass_a(a.dof(), a.dof()), mass_b(a.dof(), a.dof());
+    a.MassMatrix(q, mass_a, of_a);
+    b.MassMatrix(q, mass_b, of_b);
+    EXPECT_LT((mass_a - mass_b).norm(), 1e-13 * mass_b.norm());
   }
 }
 
