@@ -131,7 +131,8 @@ def main(arguments: list[str] | None = None) -> int:
         print(f"tendril: log: {e}", file=sys.stderr)
         return 1
     except KeyboardInterrupt as e:
-        print("tendril: log: ended; nothing is written", file=sys.stderr)
+        what = e.args[1] if len(e.args) > 1 else "nothing is written"
+        print(f"tendril: log: ended; {what}", file=sys.stderr)
         return 128 + int(e.args[0])
     except OSError as e:
         if isinstance(e, BrokenPipeError):

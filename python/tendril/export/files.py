@@ -5,11 +5,22 @@ from __future__ import annotations
 import contextlib
 import os
 import pathlib
+import signal
 from collections.abc import Iterator, Sequence
 
 
 class ExportError(Exception):
     """One line for the user: what is wrong, where, the remedy."""
+
+
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Signals wait: between a file's making and the note that it is there, none may come."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGTERM, signal.SIGHUP})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 class NewFiles:
@@ -20,6 +31,7 @@ class NewFiles:
         self._inputs = [pathlib.Path(path) for path in inputs if path and pathlib.Path(path).exists()]
         self._parts: dict[pathlib.Path, pathlib.Path] = {}
         self._made: list[pathlib.Path] = []  # folders
+        self.kept = False
 
     @property
     def paths(self) -> list[pathlib.Path]:
@@ -41,23 +53,24 @@ class NewFiles:
         self.require_free(path)
         part = path.with_name(f"{path.name}.part")
         try:
-            part.open("xb").close()
+            with uninterrupted():
+                part.open("xb").close()
+                self._parts[part] = path
         except FileExistsError:
             raise ExportError(f"{part} exists and would be lost; move it, or name another place") from None
         except OSError as e:
             remedy = "name a place in an existing folder that you may write to"
             raise ExportError(f"{path} cannot be written ({e.strerror}); {remedy}") from None
-        self._parts[part] = path
         return part
 
     def make_folder(self, folder: pathlib.Path) -> None:
         """With its parents; taken away again where nothing comes into it."""
         missing = [p for p in (folder, *folder.parents) if not p.exists()]
+        self._made += reversed(missing)  # what could not be made is not there to be taken away
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as e:
             raise ExportError(f"{folder}: no folder can be made there ({e.strerror}); name another") from None
-        self._made += reversed(missing)
         if not self._overwrite and any(folder.iterdir()):
             raise ExportError(
                 f"{folder} is not empty; name another folder, or replace its files with --overwrite"
@@ -68,8 +81,10 @@ class NewFiles:
         for part in self._parts:
             with part.open("rb") as written:
                 os.fsync(written.fileno())
-        for part, path in self._parts.items():
-            os.replace(part, path)
+        with uninterrupted():
+            for part, path in self._parts.items():
+                os.replace(part, path)
+            self.kept = True
 
     def remove(self) -> None:
         for part in self._parts:
@@ -86,6 +101,9 @@ def new_files(overwrite: bool, inputs: Sequence[str | None]) -> Iterator[NewFile
     try:
         yield files
         files.keep()
-    except BaseException:
-        files.remove()
+    except BaseException as e:
+        if not files.kept:
+            files.remove()
+        elif isinstance(e, KeyboardInterrupt):
+            raise KeyboardInterrupt(*e.args, "all is written") from None
         raise
