@@ -117,15 +117,23 @@ def simulate_torques(
     nominal = as_robot(robot)
     table = numbers("torque", torque, "(S, M) torques [N·m]")
     if table.ndim != 2 or table.shape[0] == 0 or table.shape[1] != nominal.tendons:
-        raise ValueError(f"torque has shape {table.shape}; give (S, {nominal.tendons}): a row a step, S at least 1")
+        raise ValueError(
+            f"torque has shape {table.shape}; give (S, {nominal.tendons}): a row a step, S at least 1"
+        )
     length = number("step", step, "seconds")
     if not 1e-5 <= length <= 1:
         raise ValueError(f"step is {length:g} s; give 1e-5 to 1 s")
     if isinstance(variants, str):
-        raise ValueError(f"variants is the text {variants!r}; give a list of lists of effects: [[{variants!r}]]")
+        raise ValueError(
+            f"variants is the text {variants!r}; give a list of lists of effects: [[{variants!r}]]"
+        )
     if not len(variants):
-        raise ValueError("variants is empty; give a list of effects for each robot, [[]] for the nominal one alone")
+        raise ValueError(
+            "variants is empty; give a list of effects for each robot, [[]] for the nominal one alone"
+        )
     effects = [effect_texts(f"variants[{i}]", variant, "texts") for i, variant in enumerate(variants)]
-    *tables, failed = _core.simulate_torques(nominal, effects, table, length, whole("jobs", jobs, 1, 64), progress)
+    *tables, failed = _core.simulate_torques(
+        nominal, effects, table, length, whole("jobs", jobs, 1, 64), progress
+    )
     tip, bending, base, motor, angle = (rows.reshape(len(effects), table.shape[0], -1) for rows in tables)
     return Motions(length * np.arange(1, table.shape[0] + 1), tip, bending, base, motor, angle, failed)
