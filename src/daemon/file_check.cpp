@@ -18,6 +18,7 @@
 #include "tendril/control/tip_feedback.h"
 #include "tendril/core/clock.h"
 #include "tendril/daemon/wiring.h"
+#include "tendril/io/signature.h"
 #include "tendril/model/bending_model.h"
 #include "tendril/model/body.h"
 #include "tendril/model/held_directions.h"
@@ -171,6 +172,16 @@ std::string LeftOutComment(const DaemonParameters& daemon, const std::string& pa
   return keys.empty() ? "" : "# not in the file, so at their defaults: " + keys + "\n";
 }
 
+std::string KeyWarning(const LcmParameters& lcm, const std::string& path) {
+  if (lcm.key_file.empty()) return "";
+  try {
+    io::LoadKey(lcm.key_file);
+  } catch (const std::runtime_error& e) {
+    return config::ErrorAt(path, "lcm.key_file", e.what()).what();
+  }
+  return "";
+}
+
 }  // namespace
 
 std::string DirectionsComment(const RobotParameters& robot) {
@@ -216,7 +227,7 @@ std::vector<std::string> FileWarnings(const DaemonParameters& daemon, const Robo
   std::vector<std::string> warnings;
   for (const std::string& line :
        {DelayWarning(daemon.controller.trajectory), CpuWarning(daemon.realtime.cpu, path),
-        ReachWarning(daemon, robot), TipWarning(daemon, robot, path)}) {
+        ReachWarning(daemon, robot), TipWarning(daemon, robot, path), KeyWarning(daemon.lcm, path)}) {
     if (!line.empty()) warnings.push_back(line);
   }
   const std::vector<std::string> of_values = config::Warnings(daemon, robot, path);

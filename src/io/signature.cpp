@@ -13,7 +13,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
-#include <iterator>
 #include <random>
 #include <stdexcept>
 #include <utility>
@@ -23,7 +22,7 @@ namespace {
 
 constexpr std::string_view kMark = "TENDSIG1";
 constexpr std::size_t kMacBytes = 32, kLeastKey = 32, kMostKey = 4096;
-// Clocks of two machines with NTP differ by far less, a person who replays a message needs more.
+// Clocks that NTP keeps differ by far less.
 constexpr std::int64_t kFresh_us = 10'000'000;
 constexpr std::size_t kMostSenders = 10'000;
 
@@ -71,7 +70,9 @@ std::string LoadKey(const std::string& path) {
   if (!file || stat(path.c_str(), &about) != 0)
     refuse(std::string(std::strerror(errno)) + "; make one: (umask 077; openssl rand -hex 32 > FILE)");
   if ((about.st_mode & S_IROTH) != 0) refuse("every user of this machine may read it; chmod o-r it");
-  std::string key((std::istreambuf_iterator<char>(file)), std::istreambuf_iterator<char>());
+  std::string key(kMostKey + 3, '\0');  // more than any key: not all of a file that is no key
+  file.read(key.data(), static_cast<std::streamsize>(key.size()));
+  key.resize(static_cast<std::size_t>(file.gcount()));
   while (!key.empty() && (key.back() == '\n' || key.back() == '\r')) key.pop_back();
   if (key.size() < kLeastKey || key.size() > kMostKey)
     refuse(fmt::format("{} bytes; accepted: {} to {}; make one: (umask 077; openssl rand -hex 32 > FILE)",
@@ -117,13 +118,13 @@ std::string Verifier::Refusal(std::string_view channel, const void* data, std::s
   if (time_us < start_us_) return "it was signed before this daemon started; send it again";
   const auto last = last_us_.find(sender);
   if (last != last_us_.end() && time_us <= last->second)
-    return "it, or a later one of its sender, was here before; send it anew";
+    return "it, or a later one of its sender, was received before; send a new one";
   if (last_us_.size() >= kMostSenders) Forget(now_us);
   last_us_[sender] = time_us;
   return {};
 }
 
-// Whatever they sent is too old by now to come again.
+// What such a sender sent is too old to be accepted again.
 void Verifier::Forget(std::int64_t now_us) {
   std::erase_if(last_us_, [&](const auto& entry) { return now_us - entry.second > kFresh_us; });
 }

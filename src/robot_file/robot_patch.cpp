@@ -95,7 +95,16 @@ std::string UnitEntry(const YAML::Node& unit, const YAML::Node& old_entries) {
   return Flow(entry);
 }
 
+/// Keys of blocks that the changed robot does not have, as of two that exclude each other.
+void RemoveGone(Editor& editor, const Leaves& before, const Leaves& after) {
+  for (const auto& [path, value] : before) {
+    if (after.count(path) != 0 || path.back().front() == '[' || !editor.At(path).IsDefined()) continue;
+    editor.Remove(editor.At(Path(path.begin(), path.end() - 1)), path.back());
+  }
+}
+
 void CarryOthers(Editor& editor, const RobotParameters& before, const RobotParameters& after) {
+  RemoveGone(editor, OtherLeaves(before), OtherLeaves(after));
   const YAML::Node resolved = Resolved(after);
   std::vector<Path> whole;  // lists and vectors that are inserted whole
   for (const Path& path : Changed(OtherLeaves(before), OtherLeaves(after))) {

@@ -1,3 +1,4 @@
+// Plants beside each other; see the header.
 #include "tendril/sim/batch.h"
 
 #include <fmt/format.h>
@@ -69,7 +70,7 @@ std::vector<PlantMotion> SimulateEach(std::span<const RobotParameters> robots, c
   const auto step_ns = static_cast<TimeNs>(std::llround(1e9 * program.step_s));
   std::vector<PlantMotion> motions(robots.size());
   std::atomic<Eigen::Index> done = 0;
-  const double all = static_cast<double>(steps) * static_cast<double>(robots.size());
+  const Eigen::Index all = steps * static_cast<Eigen::Index>(robots.size());
   const auto simulate = [&](int i) {
     const auto at = static_cast<std::size_t>(i);
     Recorder recorder(robots[at], steps);
@@ -80,8 +81,9 @@ std::vector<PlantMotion> SimulateEach(std::span<const RobotParameters> robots, c
         plant.Advance(step_ns);
         recorder.Take(plant, row);
         constexpr Eigen::Index kTellEvery = 256;
-        if (const Eigen::Index now = ++done; progress && now % kTellEvery == 0)
-          progress(static_cast<double>(now) / all);
+        const Eigen::Index now = ++done;
+        if (progress && (now % kTellEvery == 0 || now == all))
+          progress(static_cast<double>(now) / static_cast<double>(all));
       }
     } catch (const std::runtime_error& e) {
       recorder.motion().failed = e.what();

@@ -30,12 +30,8 @@ RobotParameters ReferenceRig() {
   return rig;
 }
 
-double MassOf(const BodyParameters& body) {
-  double mass_kg = 0;
-  for (const SectionParameters& s : body.sections)
-    mass_kg += s.units * s.unit_mass_kg + s.units / s.units_per_disk * s.disk_mass_kg;
-  return mass_kg;
-}
+/// Without a payload.
+double MassOf(const BodyParameters& body) { return body.mass_kg() - body.tip_payload_kg; }
 
 /// EI / L^2, sections in series.
 double BendingForce(const BodyParameters& body) {

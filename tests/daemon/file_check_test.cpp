@@ -57,6 +57,13 @@ TEST_F(FileCheck, LimitsThatDelayEveryMotionAreWarnedOf) {
   EXPECT_THAT(FileWarnings(daemon_, robot_, path_), Contains(HasSubstr("delay every motion by 0.7")));
 }
 
+TEST_F(FileCheck, AKeyThatCannotBeReadIsWarnedOf) {
+  EXPECT_THAT(FileWarnings(daemon_, robot_, path_), Not(Contains(HasSubstr("key"))));
+  daemon_.lcm.key_file = "/nonexistent/key";
+  EXPECT_THAT(FileWarnings(daemon_, robot_, path_),
+              Contains(AllOf(HasSubstr("lcm.key_file: key file /nonexistent/key"), HasSubstr("make one"))));
+}
+
 TEST_F(FileCheck, BendsThatTheTendonsDoNotHoldAreWarnedOf) {
   EXPECT_THAT(FileWarnings(daemon_, robot_, path_), Not(Contains(HasSubstr("limits.max_bending_rad"))));
   robot_.limits.max_tension_base_N = 2 * robot_.limits.min_tension_N;

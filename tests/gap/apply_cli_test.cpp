@@ -175,6 +175,24 @@ TEST_F(ApplyCommandTest, InPlaceChangesTheFileItself) {
 }
 
 // A law that the file lists is not listed twice; one elsewhere stays.
+TEST_F(ApplyCommandTest, AStrainIsSwitchedOnAndAKeyThatItsStiffnessReplacesGoes) {
+  ASSERT_EQ(Apply("--effect 'axial_stiffness shortening=0.02' --out stretches.yaml"), 0) << error_;
+  const std::string stretches = ReadText(folder_ / "stretches.yaml");
+  EXPECT_THAT(stretches, HasSubstr("strains: [bending, extension]"));
+  EXPECT_THAT(stretches, HasSubstr("axial_stiffness_N: 400"));
+  std::string twisting = ReadText(folder_ / "rig.yaml");
+  twisting.replace(twisting.find("      youngs_modulus_Pa"), 0,
+                   "      strains: [bending, torsion]\n      poissons_ratio: 0.3     # NiTi\n");
+  WriteText(folder_ / "twisting.yaml", twisting);
+  ASSERT_EQ(
+      Run("gap apply --robot twisting.yaml --effect 'torsional_stiffness compliance=1' --out twists.yaml"), 0)
+      << error_;
+  const std::string twists = ReadText(folder_ / "twists.yaml");
+  EXPECT_THAT(twists,
+              AllOf(HasSubstr("torsional_stiffness_Nm2: "), Not(HasSubstr("\n      poissons_ratio:"))));
+  EXPECT_EQ(Run("config check twists.yaml"), 0) << error_;
+}
+
 TEST_F(ApplyCommandTest, ALawThatTheFileHasIsRewritten) {
   ASSERT_EQ(Apply("--effect 'backlash where=tendon:2 rad=0.1' --effect 'backlash where=tendon:3 rad=0.05' "
                   "--effect 'tendon_creep where=tendon:1 fraction=0.1' --in-place"),

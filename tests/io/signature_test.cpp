@@ -44,7 +44,7 @@ Bytes Signed(Signer& signer, std::int64_t at_us = kNow_us) {
   return message;
 }
 
-TEST(Signature, IsTheHmacOfChannelMessageSenderAndTime) {
+TEST(Signature, FollowsTheMessageWithMarkAndTime) {
   Signer signer(kKey);
   const Bytes message = Signed(signer);
   ASSERT_EQ(message.size(), 3 + kSignatureBytes);
@@ -71,9 +71,9 @@ TEST(Signature, IsAcceptedOnce) {
   Verifier verifier(kKey, kNow_us - 1'000'000);
   const Bytes first = Signed(signer), second = Signed(signer), of_other = Signed(other);
   EXPECT_EQ(Why(verifier, first), "");
-  EXPECT_THAT(Why(verifier, first), HasSubstr("was here before"));
+  EXPECT_THAT(Why(verifier, first), HasSubstr("was received before"));
   EXPECT_EQ(Why(verifier, second), "");
-  EXPECT_THAT(Why(verifier, first), HasSubstr("was here before"));
+  EXPECT_THAT(Why(verifier, first), HasSubstr("was received before"));
   EXPECT_EQ(Why(verifier, of_other), "");
 }
 
@@ -127,7 +127,9 @@ TEST(Signature, OfMoreSendersThanAreKeptTheOldOnesAreForgotten) {
     Signer signer(kKey);
     EXPECT_EQ(Why(verifier, Signed(signer, now_us), now_us), "");
   }
-  EXPECT_EQ(Why(verifier, Signed(kept, now_us), now_us), "");
+  const Bytes last = Signed(kept, now_us);
+  EXPECT_EQ(Why(verifier, last, now_us), "");
+  EXPECT_THAT(Why(verifier, last, now_us), HasSubstr("was received before"));
 }
 
 TEST(Key, IsReadWithoutItsLineEndAndRefusedWithTheRemedy) {
@@ -136,6 +138,8 @@ TEST(Key, IsReadWithoutItsLineEndAndRefusedWithTheRemedy) {
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("6 bytes; accepted: 32 to 4096")));
   EXPECT_THAT([] { LoadKey(File("open", kKey, 0644)); },
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("chmod o-r")));
+  EXPECT_THAT([] { LoadKey(File("long", std::string(100'000, 'k'))); },
+              testing::ThrowsMessage<std::runtime_error>(HasSubstr("accepted: 32 to 4096")));
   EXPECT_THAT([] { LoadKey("/nonexistent/key"); },
               testing::ThrowsMessage<std::runtime_error>(HasSubstr("openssl rand -hex 32")));
 }
@@ -203,7 +207,7 @@ TEST_F(SignedGateway, ARecordedCommandIsTakenOnce) {
   while (gateway.Handle(0) > 0) {
   }
   EXPECT_EQ(commands, 1);
-  EXPECT_THAT(complaint, HasSubstr("was here before"));
+  EXPECT_THAT(complaint, HasSubstr("was received before"));
 }
 
 TEST(UnsignedGateway, TakesSignedCommandsToo) {

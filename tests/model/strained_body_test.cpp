@@ -192,8 +192,8 @@ TEST_P(StrainedBody, TangentStiffnessIsTheDerivativeOfTheStaticForces) {
           body.StaticForce(at, tip, held);
           return VectorXd(held - TendonForce(at, tension));
         },
-        q);
-    EXPECT_LT((stiffness - differences).cwiseAbs().maxCoeff(), 2e-11 * stiffness.cwiseAbs().maxCoeff());
+        q, 5e-3);
+    EXPECT_LT((stiffness - differences).cwiseAbs().maxCoeff(), 1e-11 * stiffness.cwiseAbs().maxCoeff());
     if (k % 2 == 1) {
       EXPECT_EQ((stiffness - stiffness.transpose()).cwiseAbs().maxCoeff(), 0);
     }

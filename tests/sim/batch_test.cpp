@@ -76,7 +76,7 @@ TEST(Batch, WhatIsWrongIsToldBeforeAnythingIsComputed) {
 
 TEST(Batch, AStopLeavesTheRestUnknownAndProgressEndsAtAll) {
   const auto robots = Family();
-  const TorqueProgram program = Circle(robots[0], 256);
+  const TorqueProgram program = Circle(robots[0], 250);
   const std::atomic<bool> stop = true;
   const auto stopped = SimulateEach(robots, program, {}, 2, &stop);
   EXPECT_TRUE(std::isnan(stopped[0].tip_m(0, 0)));

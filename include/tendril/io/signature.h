@@ -1,6 +1,6 @@
 // Signed messages on LCM: only who has the key can command, and a recorded message is no command. The
-// signature follows the message's bytes, so whoever does not ask for it reads the message as ever. Knows
-// nothing of what messages say.
+// signature follows the message's bytes, so a reader that does not verify it decodes the message unchanged.
+// Knows nothing of what messages say.
 //
 //   message | "TENDSIG1" | sender, 4 bytes | time, 8 bytes, us since the epoch | HMAC-SHA-256, 32 bytes
 //

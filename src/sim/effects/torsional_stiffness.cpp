@@ -1,4 +1,4 @@
-// Effect: the backbone twists under load, or twists more than its file says.
+// Effect: the backbone twists under load, or more than its file says.
 #include "sections.h"
 
 namespace tendril::sim {
@@ -9,11 +9,12 @@ double OfARoundRod(const SectionParameters& s) { return 1.3 / (s.UnitStiffness()
 
 void Soften(SectionParameters& s, double compliance) {
   const double own = s.torsion ? 1 / (s.UnitTorsionalStiffness() * s.unit_length_m) : 0;
+  if (compliance == 0) return;
   const double total = own + compliance * (s.torsion ? own : OfARoundRod(s));
-  if (!(total > 0) || compliance == 0) return;
   const bool damped = s.torsion;
   s.torsion = true;
   s.torsional_stiffness_Nm2 = 1 / total;
+  if (!s.shear) s.poissons_ratio.reset();  // a file gives one of the two
   if (!damped) s.torsional_damping_Nms = DampingTime_s(s) * s.UnitTorsionalStiffness();
 }
 
@@ -28,16 +29,17 @@ Effect TorsionalStiffness() {
       .cut_robot_side = Cut::kShape,
       .on_all = true,
       .on_one = true,
-      .parameters = {{.name = "compliance", .nominal = 0, .lower = -0.9, .upper = 50, .typical = 2}},
-      .summary = "the backbone twists about its axis under load, or by another amount than in the file",
+      .parameters = {{.name = "compliance", .nominal = 0, .lower = 0, .upper = 50, .typical = 2}},
+      .summary = "the backbone twists about its axis under load, or more than its file says",
       .physics =
           "Each unit twists by the moment about its axis times its torsional compliance. Where the file has "
           "no "
-          "torsion, compliance counts in that of a round rod, (1 + nu) / EI: a solid wire has 1, tubes, "
+          "torsion, compliance counts in that of a round rod, (1 + nu) / EI: a solid wire has 1; tubes, "
           "springs "
-          "and braids have more. Where the file has it, it is the part by which the robot is softer; -0.5 is "
-          "half the twist. A load across the plane of the bend has a lever about the backbone and twists it; "
-          "without such a load nothing changes.",
+          "and braids have more. Where the file has it, this is the part by which the robot is softer. A "
+          "load "
+          "across the plane of the bend has a lever about the backbone and twists it; without such a load "
+          "nothing changes.",
       .signature =
           "Bent and loaded sideways, by weight or at the tip, the tip gives way across the plane of the "
           "bend, in "
