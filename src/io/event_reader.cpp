@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <span>
@@ -19,6 +20,7 @@ namespace {
 constexpr std::size_t kReadBuffer_B = std::size_t{1} << 20;
 constexpr std::size_t kHeader = 28, kChunk = std::size_t{1} << 16;
 constexpr std::array<std::uint8_t, 4> kSync{0xED, 0xA1, 0xDA, 0x01};
+constexpr double kApart_us = 60e6;
 constexpr std::size_t kPlacesNamed = 4;
 constexpr std::uint64_t kZerosNamed = 512;  // a disk's sector; messages hold shorter stretches themselves
 
@@ -45,6 +47,20 @@ EventReader::EventReader(const std::string& path) {
 }
 
 bool EventReader::Next() {
+  while (Advance()) {
+    if (!StampedApart()) {
+      Count();
+      return true;
+    }
+    places_.push_back(
+        {.begin = begin_, .end = end_, .what = "is stamped apart from those around it", .lost = 1});
+    last_number_ = number_;
+  }
+  return false;
+}
+
+/// To the next whole event, behind damage.
+bool EventReader::Advance() {
   const std::uint64_t at = end_;
   if (at >= size_) return false;
   if (std::string trouble = ReadEvent(at); !trouble.empty()) {
@@ -57,8 +73,27 @@ bool EventReader::Next() {
     if (events_ > 0 && number_ > last_number_) places_.back().lost = number_ - last_number_ - 1;
     if (events_ == 0) places_.back().lost = number_;
   }
-  Count();
   return true;
+}
+
+bool EventReader::StampedApart() {
+  const auto apart = [](std::int64_t a_us, std::int64_t b_us) {
+    return std::abs(static_cast<double>(a_us) - static_cast<double>(b_us)) > kApart_us;
+  };
+  if (events_ > 0 && !apart(stamp_us_, last_us_)) return false;
+  const auto next = HeaderAt(end_);
+  if (!next || !apart(stamp_us_, next->stamp_us)) return false;
+  if (events_ > 0) return !apart(last_us_, next->stamp_us);
+  const auto after = HeaderAt(next->end);
+  return after && !apart(next->stamp_us, after->stamp_us);
+}
+
+std::optional<EventReader::Header> EventReader::HeaderAt(std::uint64_t offset) {
+  std::array<std::uint8_t, kHeader> bytes;
+  if (offset + kHeader > size_ || !Read(offset, bytes.data(), kHeader)) return std::nullopt;
+  if (!std::equal(kSync.begin(), kSync.end(), bytes.begin())) return std::nullopt;
+  return Header{static_cast<std::int64_t>(Number(bytes, 12, 8)),
+                offset + kHeader + Number(bytes, 20, 4) + Number(bytes, 24, 4)};
 }
 
 void EventReader::Count() {

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,12 +20,13 @@ constexpr bool IsEvent(std::uint64_t channel_size, std::uint64_t data_size) {
   return channel_size >= 1 && channel_size <= kMaxChannel && data_size <= kMaxData;
 }
 
-/// Every length is checked against the file, because LCM's own reader trusts them and skips damage silently.
-/// An event counts only when another follows it or the file ends there: an event overwritten in part may have
-/// an intact header.
 /// From one report of progress to the next, of whoever reads a whole log.
 inline constexpr std::uint64_t kEventsAReport = 4096;
 
+/// Every length is checked against the file, because LCM's own reader trusts them and skips damage silently.
+/// An event counts only when another follows it or the file ends there: an event overwritten in part may have
+/// an intact header. One that is stamped far from those around it, which agree, is damage too: a log is
+/// written as time goes on, and a clock that is set changes all that follow.
 class EventReader {
  public:
   /// Throws std::runtime_error naming the path when it cannot be read.
@@ -58,6 +60,15 @@ class EventReader {
     void operator()(std::FILE* file) const noexcept { std::fclose(file); }
   };
 
+  /// When an event was recorded, and where it ends.
+  struct Header {
+    std::int64_t stamp_us = 0;
+    std::uint64_t end = 0;
+  };
+
+  bool Advance();
+  bool StampedApart();
+  std::optional<Header> HeaderAt(std::uint64_t offset);
   bool Read(std::uint64_t offset, void* bytes, std::size_t size);
   std::string ReadEvent(std::uint64_t offset);
   std::uint64_t FindEvent(std::uint64_t from);

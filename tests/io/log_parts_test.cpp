@@ -1,4 +1,5 @@
 // What a log is said to hold is what was written into it; a part of a log is what lies in it, bit for bit.
+#include <fmt/core.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <lcm/eventlog.h>
@@ -129,6 +130,51 @@ TEST_F(LogPartsTest, DamageIsNamedByItsByteAndCostsOnlyWhatItCovers) {
   EXPECT_EQ(cut.damage, log.damage);
   EXPECT_EQ(SummariseLog(out, 1).damage, "");
   EXPECT_EQ(EventsOf(out).size(), log.messages);
+}
+
+/// Where each event of the log begins.
+std::vector<std::streamoff> OffsetsOf(const std::string& path) {
+  std::vector<std::streamoff> offsets;
+  std::streamoff at = 0;
+  for (const Event& event : EventsOf(path)) {
+    offsets.push_back(at);
+    at += static_cast<std::streamoff>(28 + event.channel.size() + event.data.size());
+  }
+  return offsets;
+}
+
+TEST_F(LogPartsTest, AStampFarFromThoseAroundItIsDamage) {
+  const LogSummary whole = SummariseLog(path, 1);
+  const std::vector<std::streamoff> offsets = OffsetsOf(path);
+  for (const std::size_t k : {std::size_t{0}, std::size_t{50}, std::size_t{120}}) {
+    std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(offsets[k] + 12);
+    file.write(k == 120 ? "\x80\0\0\0\0\0\0\0" : "\0\x7f\0\0\0\0\0\0", 8);
+  }
+  const LogSummary log = SummariseLog(path, 1);
+  EXPECT_EQ(log.messages, whole.messages - 3);
+  EXPECT_NEAR(log.seconds(), whole.seconds(), 2e-3);
+  EXPECT_EQ(log.gaps, whole.gaps);
+  EXPECT_THAT(log.damage, HasSubstr("the event at byte 0 is stamped apart from those around it"));
+  EXPECT_THAT(log.damage, HasSubstr(fmt::format("{} events over 2.", log.messages)));
+  const CutResult cut = CutLog(path, {0.05, 0.1}, out);
+  EXPECT_NEAR(cut.from_s, 0.05, 2e-3);
+  EXPECT_NEAR(cut.to_s, 0.1, 2e-3);
+}
+
+// A computer without a clock of its own begins in 1970 until it hears from the network.
+TEST_F(LogPartsTest, AClockThatIsSetIsNoDamage) {
+  const std::size_t all = EventsOf(path).size();
+  const std::vector<std::streamoff> offsets = OffsetsOf(path);
+  std::fstream file(path, std::ios::in | std::ios::out | std::ios::binary);
+  for (std::size_t k = 100; k < all; ++k) {
+    file.seekp(offsets[k] + 12);
+    file.write("\0\x06", 2);
+  }
+  file.close();
+  const LogSummary log = SummariseLog(path, 1);
+  EXPECT_EQ(log.messages, all);
+  EXPECT_EQ(log.damage, "");
 }
 
 TEST_F(LogPartsTest, ACutHoldsTheSpanBehindItsRun) {
