@@ -24,6 +24,7 @@
 #include "tendril/model/arc_tensions.h"
 #include "tendril/model/body.h"
 #include "tendril/model/capstan.h"
+#include "tendril/model/coordinate_names.h"
 #include "tendril/model/inverse.h"
 #include "tendril/model/inverse_equilibrium.h"
 #include "tendril/model/loading.h"
@@ -97,9 +98,11 @@ const auto kNoScratch = [] { return Nothing{}; };
 
 class Model {
  public:
-  explicit Model(const RobotParameters& robot) : s_(std::make_shared<const Subject>(robot)) {
-    config::RequireBendingOnly(robot.body, robot.name, "tendril.Model");
-  }
+  explicit Model(const RobotParameters& robot) : s_(std::make_shared<const Subject>(robot)) {}
+
+  std::vector<std::string> Coordinates() const { return model::CoordinateNames(s_->body); }
+
+  int DiskCount() const { return s_->body.disks(); }
 
   Rows Statics(Rows tension_N, std::optional<Rows> tip_force_W_N) const {
     const RowsPtr tension = Keep(std::move(tension_N));
@@ -151,7 +154,7 @@ class Model {
     });
   }
 
-  /// 6 x 2N a row, row by row.
+  /// 6 x n a row, row by row.
   Rows Jacobian(Rows q_rows) const {
     const RowsPtr q = Keep(std::move(q_rows));
     return Filled(q->rows(), 6 * s_->body.dof(), kNoScratch, [s = s_, q](Index i, auto row, Nothing&) {
@@ -162,7 +165,7 @@ class Model {
     });
   }
 
-  /// 2N x 2N a row, row by row.
+  /// n x n a row, row by row.
   Rows MassMatrix(Rows q_rows) const {
     const RowsPtr q = Keep(std::move(q_rows));
     return Filled(q->rows(), s_->body.dof() * s_->body.dof(), NewWorkspace{s_},
@@ -194,6 +197,7 @@ class Model {
 
   /// Angles of the hinges u, v of each unit, 2N a row.
   Rows HingeAngles(Rows q_rows) const {
+    RequireBendingOnly("hinge_angles");
     const RowsPtr q = Keep(std::move(q_rows));
     return Filled(q->rows(), s_->body.dof(), kNoScratch, [q](Index i, auto row, Nothing&) {
       row = exchange::HingeAngles(q->row(i).transpose()).transpose();
@@ -201,7 +205,7 @@ class Model {
   }
   Rows Disks(Rows q_rows) const {
     const RowsPtr q = Keep(std::move(q_rows));
-    const Index disks = s_->body.units() + 1;
+    const Index disks = s_->body.disks() + 1;
     return Filled(q->rows(), 16 * disks, kNoScratch, [s = s_, q](Index i, auto row, Nothing&) {
       Index at = 0;
       for (const model::Pose& disk : model::DiskPoses(s->body, OpenShape(s->body, *q, i))) {
@@ -214,10 +218,10 @@ class Model {
     });
   }
 
-  /// Holes of every tendon at every disk it passes, M x (N + 1) x 3; NaN beyond its end.
+  /// Holes of every tendon at every disk it passes, M x (D + 1) x 3; NaN beyond its end.
   Rows TendonPoints(Rows q_rows) const {
     const RowsPtr q = Keep(std::move(q_rows));
-    const Index each = 3 * (s_->body.units() + 1);
+    const Index each = 3 * (s_->body.disks() + 1);
     return Filled(
         q->rows(), each * s_->body.tendons(), kNoScratch, [s = s_, q, each](Index i, auto row, Nothing&) {
           const VectorXd shape = OpenShape(s->body, *q, i);
@@ -233,6 +237,7 @@ class Model {
   /// equilibria [rad].
   Rows Inverse(Rows bending_rad, std::optional<Rows> rate_rows, std::optional<Rows> acceleration_rows,
                double min_tension_N, bool equilibrium) const {
+    RequireBendingOnly("inverse");
     const RowsPtr bending = Keep(std::move(bending_rad));
     const bool moving = rate_rows.has_value();
     const RowsPtr rate = moving ? Keep(std::move(*rate_rows)) : nullptr;
@@ -268,6 +273,7 @@ class Model {
   /// where raising the tensions from zero ends there (only asked at rest, else 1).
   Rows InverseTip(Rows tip_m, std::optional<Rows> velocity_rows, std::optional<Rows> acceleration_rows,
                   double min_tension_N) const {
+    RequireBendingOnly("inverse_tip");
     const RowsPtr tip = Keep(std::move(tip_m));
     const bool moving = velocity_rows.has_value();
     const RowsPtr velocity = moving ? Keep(std::move(*velocity_rows)) : nullptr;
@@ -292,6 +298,7 @@ class Model {
   /// us, vs a section, then the distance by which the target is missed [m]. Each row's search begins at the
   /// row before.
   Rows InverseKinematics(const Rows& tip_m) const {
+    RequireBendingOnly("ik");
     const nb::gil_scoped_release released;
     const model::InverseKinematics ik(s_->body, s_->robot.limits.max_bending_rad);
     Rows out(tip_m.rows(), 2 * s_->body.sections() + 1);
@@ -315,6 +322,10 @@ class Model {
   }
 
  private:
+  void RequireBendingOnly(const std::string& method) const {
+    config::RequireBendingOnly(s_->robot.body, s_->robot.name, "tendril.Model." + method);
+  }
+
   SubjectPtr s_;
 };
 
@@ -342,6 +353,8 @@ void AddModel(nb::module_& m) {
         nb::arg("low_tension"));
   nb::class_<Model>(m, "Model")
       .def(nb::init<const RobotParameters&>(), nb::arg("robot"))
+      .def_prop_ro("coordinates", &Model::Coordinates)
+      .def_prop_ro("disk_count", &Model::DiskCount)
       .def("statics", &Model::Statics, nb::arg("tension"), nb::arg("tip_force").none())
       .def("frequencies", &Model::Frequencies, nb::arg("tension"))
       .def("forward_dynamics", &Model::ForwardDynamics, nb::arg("q"), nb::arg("dq"), nb::arg("tension"))

@@ -138,13 +138,17 @@ std::vector<RobotParameters> Variants(const RobotParameters& robot,
 
 std::tuple<Rows, Rows, Rows, Rows, Rows, std::vector<std::string>> SimulateTorques(
     const RobotParameters& robot, const std::vector<std::vector<std::string>>& effects, const Rows& torque_Nm,
-    double step_s, int jobs, const nb::object& progress) {
+    double step_s, double tolerance, int jobs, const nb::object& progress) {
   const auto made = std::make_shared<Motions>();
+  sim::PlantOptions options;
+  options.absolute_tolerance *= tolerance / options.relative_tolerance;
+  options.relative_tolerance = tolerance;
   const auto work = std::make_shared<Work>();
   Run(
       work,
-      [made, work, robots = Variants(robot, effects), program = sim::TorqueProgram{step_s, torque_Nm}, jobs] {
-        *made = Stacked(sim::SimulateEach(robots, program, {}, jobs, work->stop(),
+      [made, work, robots = Variants(robot, effects), program = sim::TorqueProgram{step_s, torque_Nm},
+       options, jobs] {
+        *made = Stacked(sim::SimulateEach(robots, program, options, jobs, work->stop(),
                                           [&](double share) { work->Tell("simulating", share); }));
       },
       progress);
@@ -159,7 +163,7 @@ void AddSimulate(nb::module_& m) {
         nb::arg("daemon"), nb::arg("seed"), nb::arg("repeats").none(), nb::arg("noise"),
         nb::arg("load_cell").none(), nb::arg("tracker"), nb::arg("jobs"), nb::arg("progress").none());
   m.def("simulate_torques", &SimulateTorques, nb::arg("robot"), nb::arg("effects"), nb::arg("torque_Nm"),
-        nb::arg("step_s"), nb::arg("jobs"), nb::arg("progress").none());
+        nb::arg("step_s"), nb::arg("tolerance"), nb::arg("jobs"), nb::arg("progress").none());
   m.def("families", [] {
     std::vector<std::string> names;
     for (const std::string_view family : Families()) names.emplace_back(family);

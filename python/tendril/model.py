@@ -13,8 +13,8 @@ from ._arrays import Array, Batch, number, whole
 Reached: TypeAlias = "np.bool_ | NDArray[np.bool_]"
 Numbers: TypeAlias = "np.float64 | Array"
 
-_Q = "q = u1, v1, ..., uN, vN, the bend of each unit [rad]"
-_DQ = "dq = du1, dv1, ..., the rates of q [rad/s]"
+_Q = "q = u1, v1, ..., the strains of each unit, as Model.coordinates names them"
+_DQ = "dq = du1, dv1, ..., the rates of q"
 _T = "tensions at the base, one a tendon [N]"
 
 
@@ -46,7 +46,7 @@ class InverseTip(NamedTuple):
     tension: Array
     """At the base [N], (M,)."""
     q: Array
-    """Shape of the equilibrium [rad], (2N,)."""
+    """Shape of the equilibrium [rad], (n,)."""
     reached: Reached
     """True where the tip is there; else it is the nearest found within the tension bounds."""
     distance: Numbers
@@ -74,8 +74,11 @@ class Model:
     with N rows, computed on all cores without the GIL; one row goes with N rows of another argument. Results do not
     depend on the number of cores, and equal those of `tendril model` bit for bit.
 
-    A robot has K sections, N units and M tendons. `q` has `2 N` numbers: the bend `(u, v) = angle (cos, sin)` of each unit
-    [rad]; bendings of sections have `2 K`. Positions are in the base frame W (F_0), the straight robot points along +z.
+    A robot has K sections, N units, D disks and M tendons. `q` has `n` numbers, named by `coordinates`: of each unit the bend
+    `(u, v) = angle (cos, sin)` [rad] and, where its section has them, torsion `w` [rad], extension `e` and shear `sx`, `sy`
+    (of its length); `n` is `2 N` where units only bend. Bendings of sections have `2 K`. Positions are in the base frame W
+    (F_0), the straight robot points along +z. `inverse`, `inverse_tip`, `ik` and `hinge_angles` are for robots whose units
+    only bend; for another they raise `tendril.ConfigError`.
 
     Wrong shapes and values that are not finite raise ValueError; a row without a solution raises `tendril.ModelError`.
     """
@@ -85,13 +88,18 @@ class Model:
             raise ValueError(f"robot is {type(robot).__name__}; give a Robot, from tendril.load_robot(path)")
         self._robot = robot
         self._core = _core.Model(robot)
-        self._n = 2 * robot.units
+        self._n = len(self._core.coordinates)
         self._m = robot.tendons
 
     @property
     def robot(self) -> _core.Robot:
         """The robot that this is the model of."""
         return self._robot
+
+    @property
+    def coordinates(self) -> list[str]:
+        """Names of q's n numbers, as the columns of `tendril model`: u1, v1, ..., with w1, e1, sx1, sy1 where there are."""
+        return self._core.coordinates
 
     def statics(self, T: ArrayLike, tip_force: ArrayLike | None = None) -> Array:
         """Shape at rest: the stable equilibrium on the branch from zero tension.
@@ -101,7 +109,7 @@ class Model:
             tip_force: force on the tip in the base frame [N], (3,) or (N, 3); beside the robot file's own.
 
         Returns:
-            q [rad], (2N,) a row. The tip is `fk(q).position`.
+            q, (n,) a row. The tip is `fk(q).position`.
         """
         batch = Batch()
         self._add_tensions(batch, T)
@@ -192,7 +200,7 @@ class Model:
             T: tensions at the base [N], (M,) or (N, M).
 
         Returns:
-            Frequencies [Hz], ascending, (2N,) a row.
+            Frequencies [Hz], ascending, (n,) a row.
         """
         batch = Batch()
         self._add_tensions(batch, T)
@@ -202,12 +210,12 @@ class Model:
         """Accelerations of a state under tensions.
 
         Args:
-            q: bends of the units [rad], (2N,) or (N, 2N).
-            dq: their rates [rad/s], the same shape.
+            q: strains of the units, (n,) or (N, n).
+            dq: their rates, the same shape.
             T: tensions at the base [N], (M,) or (N, M).
 
         Returns:
-            ddq [rad/s^2], (2N,) a row.
+            ddq, (n,) a row.
         """
         batch = Batch()
         batch.add("q", q, self._n, _Q)
@@ -219,7 +227,7 @@ class Model:
         """Pose of the tip and lengths of the tendons.
 
         Args:
-            q: bends of the units [rad], (2N,) or (N, 2N).
+            q: strains of the units, (n,) or (N, n).
         """
         batch = self._shapes(q)
         rows = batch.shaped(self._core.fk(*batch.tables()))
@@ -229,17 +237,17 @@ class Model:
         """Velocity of the tip per rate of q.
 
         Args:
-            q: bends of the units [rad], (2N,) or (N, 2N).
+            q: strains of the units, (n,) or (N, n).
 
         Returns:
-            (6, 2N) a row: linear velocity [m/s] and angular velocity [rad/s] of the last disk, in the base frame, each
-            per dq [rad/s].
+            (6, n) a row: linear velocity [m/s] and angular velocity [rad/s] of the last disk, in the base frame, each
+            per dq.
         """
         batch = self._shapes(q)
         return batch.shaped(self._core.jacobian(*batch.tables()), 6, self._n)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
-        """Mass matrix H(q) [kg m^2], (2N, 2N) a row, symmetric and positive definite."""
+        """Mass matrix H(q), (n, n) a row [kg m^2 where q is in rad], symmetric and positive definite."""
         batch = self._shapes(q)
         return batch.shaped(self._core.mass_matrix(*batch.tables()), self._n, self._n)
 
@@ -253,7 +261,7 @@ class Model:
         """Positions along the backbone, equally spaced by arc length from base to tip.
 
         Args:
-            q: bends of the units [rad], (2N,) or (N, 2N).
+            q: strains of the units, (n,) or (N, n).
             points: how many, at least 2.
 
         Returns:
@@ -265,16 +273,16 @@ class Model:
         return batch.shaped(self._core.backbone(rows, points), points, 3)
 
     def disks(self, q: ArrayLike) -> Array:
-        """Frames of the base disk and of each unit's disk, from the base on.
+        """Frames of the base disk and of every other disk, from the base on.
 
         Args:
-            q: bends of the units [rad], (2N,) or (N, 2N).
+            q: strains of the units, (n,) or (N, n).
 
         Returns:
-            Homogeneous frames in the base frame [m], (N+1, 4, 4) a row. The disk's axis is the frame's z.
+            Homogeneous frames in the base frame [m], (D+1, 4, 4) a row. The disk's axis is the frame's z.
         """
         batch = self._shapes(q)
-        return batch.shaped(self._core.disks(*batch.tables()), self._robot.units + 1, 4, 4)
+        return batch.shaped(self._core.disks(*batch.tables()), self._core.disk_count + 1, 4, 4)
 
     def hinge_angles(self, q: ArrayLike) -> Array:
         """Angles of the joints of `Robot.to_urdf` and `Robot.to_mjcf`: unit1_u, unit1_v, unit2_u, ...
@@ -292,16 +300,16 @@ class Model:
         """Each tendon's polyline: its hole in the base disk and in each disk up to the one where it ends.
 
         Args:
-            q: bends of the units [rad], (2N,) or (N, 2N).
+            q: strains of the units, (n,) or (N, n).
 
         Returns:
-            Positions in the base frame [m], (M, N+1, 3) a row; NaN beyond a tendon's end.
+            Positions in the base frame [m], (M, D+1, 3) a row; NaN beyond a tendon's end.
         """
         batch = self._shapes(q)
-        return batch.shaped(self._core.tendon_points(*batch.tables()), self._m, self._robot.units + 1, 3)
+        return batch.shaped(self._core.tendon_points(*batch.tables()), self._m, self._core.disk_count + 1, 3)
 
     def spread(self, bending: ArrayLike) -> Array:
-        """q of arcs: each section's bend shared equally by its units.
+        """q of arcs: each section's bend shared equally by its units, without other strains.
 
         Args:
             bending: us1, vs1, ..., usK, vsK of the sections [rad], (2K,) or (N, 2K).

@@ -94,6 +94,7 @@ def simulate_torques(
     step: float,
     variants: Sequence[Sequence[str]] = ((),),
     *,
+    tolerance: float = 1e-7,
     jobs: int = 2,
     progress: Progress | None = None,
 ) -> Motions:
@@ -111,6 +112,7 @@ def simulate_torques(
         step: length of a step [s].
         variants: for each robot the effects that it has beyond the nominal one, as in `simulate`; [[]] is the nominal
             robot alone.
+        tolerance: relative, of the integration; tighter than the default it shows how far that is off.
         jobs: robots at a time; the result does not depend on it.
         progress: called with the completed share.
     """
@@ -123,6 +125,9 @@ def simulate_torques(
     length = number("step", step, "seconds")
     if not 1e-5 <= length <= 1:
         raise ValueError(f"step is {length:g} s; give 1e-5 to 1 s")
+    relative = number("tolerance", tolerance, "a relative tolerance")
+    if not 1e-12 <= relative <= 1e-3:
+        raise ValueError(f"tolerance is {relative:g}; give 1e-12 to 1e-3")
     if isinstance(variants, str):
         raise ValueError(
             f"variants is the text {variants!r}; give a list of lists of effects: [[{variants!r}]]"
@@ -133,7 +138,7 @@ def simulate_torques(
         )
     effects = [effect_texts(f"variants[{i}]", variant, "texts") for i, variant in enumerate(variants)]
     *tables, failed = _core.simulate_torques(
-        nominal, effects, table, length, whole("jobs", jobs, 1, 64), progress
+        nominal, effects, table, length, relative, whole("jobs", jobs, 1, 64), progress
     )
     tip, bending, base, motor, angle = (rows.reshape(len(effects), table.shape[0], -1) for rows in tables)
     return Motions(length * np.arange(1, table.shape[0] + 1), tip, bending, base, motor, angle, failed)

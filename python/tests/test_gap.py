@@ -307,6 +307,12 @@ def test_robots_under_the_same_torques(rig):
         np.testing.assert_array_equal(of_all[1], of_one[0])
     nominal = tendril.simulate_torques(rig, pulls, 0.001)
     np.testing.assert_array_equal(nominal.tip[0], found.tip[0])
+    exact = tendril.simulate_torques(rig, pulls, 0.001, tolerance=1e-11)
+    off = [
+        np.abs(tendril.simulate_torques(rig, pulls, 0.001, tolerance=tolerance).tip - exact.tip).max()
+        for tolerance in (1e-3, 1e-7, 1e-9)
+    ]
+    assert off[0] > 10 * off[1] and off[1] > 10 * off[2], off
 
 
 def test_wrong_torques_are_named(rig):
@@ -315,11 +321,12 @@ def test_wrong_torques_are_named(rig):
         ((np.zeros((3, 9)), 0.001), "torque has shape (3, 9)"),
         ((pulls, 0.0), "step is 0 s"),
         ((pulls, 0.001, []), "variants is empty"),
+        ((pulls, 0.001, [[]], 0.1), "tolerance is 0.1"),
         ((pulls, 0.001, "tip_payload"), "list of lists"),
         ((pulls, 0.001, [["tip_payloat mass_kg=1"]]), "did you mean tip_payload"),
         ((np.full_like(pulls, np.inf), 0.001), "finite"),
     ]:
         with pytest.raises(ValueError, match=re.escape(words)):
-            tendril.simulate_torques(rig, *arguments)
+            tendril.simulate_torques(rig, *arguments[:3], **dict(zip(["tolerance"], arguments[3:], strict=False)))
     with pytest.raises(ValueError, match="mass_kg"):
         tendril.simulate_torques(rig, pulls, 0.001, [["tip_payload mass_kg=-1"]])

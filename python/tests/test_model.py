@@ -76,6 +76,40 @@ def test_equals_the_command_line(file, model):
     assert np.array_equal(model.energy(q, dq), energy)
 
 
+def test_all_strains_equal_the_command_line():
+    file = ROBOTS / "rod_5disks.yaml"
+    model = tendril.Model(tendril.load_robot(file))
+    names, disks, tendons = model.coordinates, 5, model.robot.tendons
+    assert names[:7] == ["u1", "v1", "w1", "e1", "sx1", "sy1", "u2"] and len(names) == 6 * model.robot.units
+    random = np.random.default_rng(2)
+    q, dq = (
+        scale * random.standard_normal((5, len(names))) * np.tile([1, 1, 0.3, 0.01, 0.01, 0.01], 10) for scale in (0.05, 1)
+    )
+    tension = random.random((5, tendons))
+    rates = ["d" + name for name in names]
+    accel = evaluated("accel", file, names + rates + tensions(model), np.hstack([q, dq, tension]))
+    assert np.array_equal(model.forward_dynamics(q, dq, tension), accel)
+    tip = model.fk(q)
+    assert np.array_equal(
+        np.hstack([tip.position, tip.orientation, tip.tendon_lengths]), evaluated("fk", file, names, q)
+    )
+    shape = model.statics(tension)
+    statics = evaluated("statics", file, tensions(model), tension)
+    assert np.array_equal(np.hstack([shape, model.fk(shape).position]), statics)
+    mass = evaluated("mass", file, names, q)
+    assert np.array_equal(model.mass_matrix(q).reshape(5, -1), mass)
+    assert model.jacobian(q).shape == (5, 6, len(names))
+    frames, holes = model.disks(q), model.tendon_points(q)
+    assert frames.shape == (5, disks + 1, 4, 4) and holes.shape == (5, tendons, disks + 1, 3)
+    assert np.array_equal(frames[:, -1, :3, 3], tip.position)
+    lengths = np.linalg.norm(np.diff(holes, axis=2), axis=-1).sum(-1)
+    np.testing.assert_allclose(lengths, tip.tendon_lengths, rtol=1e-12)
+    assert np.array_equal(model.backbone(q, 11)[:, -1], tip.position)
+    for name, argument in (("inverse", [0.1, 0]), ("inverse_tip", [0, 0, 0.09]), ("ik", [0, 0, 0.09]), ("hinge_angles", q)):
+        with pytest.raises(tendril.ConfigError, match=f"tendril.Model.{name} knows bending alone"):
+            getattr(model, name)(argument)
+
+
 def test_one_row_equals_its_row_of_many(model):
     q, dq, tension = states(model, 9)
     many = model.forward_dynamics(q, dq, tension)

@@ -7,6 +7,7 @@
 
 #include "commands.h"
 #include "tendril/config/config.h"
+#include "tendril/model/coordinate_names.h"
 #include "tendril/model/open_disks.h"
 
 namespace tendril::tools {
@@ -16,19 +17,8 @@ io::CsvReader Stdin(Names required, std::vector<Names> optional) {
 }
 
 Names StrainColumns(const model::Body& body, std::string_view prefix) {
-  Names names;
-  for (int i = 0; i < body.units(); ++i) {
-    const auto add = [&](std::string_view strain) {
-      names.push_back(fmt::format("{}{}{}", prefix, strain, i + 1));
-    };
-    add("u");
-    add("v");
-    if (body.twists(i)) add("w");
-    if (body.stretches(i)) add("e");
-    if (!body.shears(i)) continue;
-    add("sx");
-    add("sy");
-  }
+  Names names = model::CoordinateNames(body);
+  for (std::string& name : names) name.insert(0, prefix);
   return names;
 }
 
