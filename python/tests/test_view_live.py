@@ -73,7 +73,7 @@ def test_follows_a_daemon_and_says_when_it_is_silent():
     )
     assert source.silence() == ""
     pose = source.recording.frames[-1].poses[0]
-    np.testing.assert_allclose(pose.q_rad.reshape(-1, 2).sum(axis=0), [0.5, 0])
+    np.testing.assert_allclose(pose.q.reshape(-1, 2).sum(axis=0), [0.5, 0])
     np.testing.assert_allclose(pose.measured_tip_m, [0.01, 0, 0.05])
     # A tracker takes the place of the estimate, as measured.
     last = next(step)

@@ -24,7 +24,7 @@ def test_a_frame_is_drawn_where_the_model_says(served, circle):
     body = drawing.bodies[0]
     frame = recording.frames[100]
     drawing.draw(list(recording.frames[:101]))
-    points = geometry.points_of(recording.robots[0], frame.poses[0].q_rad)
+    points = geometry.points_of(recording.robots[0], frame.poses[0].q)
     scale = 1 / recording.robots[0].length_m
     np.testing.assert_allclose(body.disks.batched_positions, scale * points.disks[:, :3, 3], atol=1e-6)
     np.testing.assert_allclose(

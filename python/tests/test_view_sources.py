@@ -24,12 +24,12 @@ def test_a_log_becomes_frames(circle):
     steps = np.diff([frame.time_s for frame in recording.frames])
     assert steps.min() > 1 / 61 and steps.max() < 0.03  # 200 messages a second, at most 60 frames
     pose = recording.frames[recording.at(1.0)].poses[0]
-    np.testing.assert_allclose(pose.q_rad.reshape(-1, 2).sum(axis=0), [0, 1], atol=0.05)
+    np.testing.assert_allclose(pose.q.reshape(-1, 2).sum(axis=0), [0, 1], atol=0.05)
     np.testing.assert_allclose(pose.cell_N, 1.2 * pose.tension_N)
     assert recording.frames[0].note == "running"
     assert "estimated" in recording.robots[0].measured_is
     # The tip of the drawn body is the one in the log: written here from the arc's own formula.
-    disks = geometry.points_of(recording.robots[0], pose.q_rad).disks
+    disks = geometry.points_of(recording.robots[0], pose.q).disks
     np.testing.assert_allclose(disks[-1, :3, 3], pose.measured_tip_m, atol=1e-9)
 
 
@@ -63,7 +63,7 @@ def test_of_a_log_of_two_daemons_the_first_one_is_shown(tmp_path):
         ]
     recording = logs.read_log(view_help.write_log(tmp_path / "both.lcmlog", both))
     assert len(recording.frames) == 11
-    assert all(np.linalg.norm(frame.poses[0].q_rad) < 0.3 for frame in recording.frames)
+    assert all(np.linalg.norm(frame.poses[0].q) < 0.3 for frame in recording.frames)
     assert "estimated" in recording.robots[0].measured_is
 
 
@@ -73,7 +73,7 @@ def test_values_that_are_not_finite_hide_the_robot(tmp_path):
     recording = logs.read_log(
         view_help.write_log(tmp_path / "a.lcmlog", [("RUN", view_help.run_message()), *messages])
     )
-    assert [bool(np.isfinite(f.poses[0].q_rad).all()) for f in recording.frames] == [True, False, False, True]
+    assert [bool(np.isfinite(f.poses[0].q).all()) for f in recording.frames] == [True, False, False, True]
     assert any("2 of 4 frames hold no finite bending" in remark for remark in recording.remarks)
 
 
@@ -138,17 +138,20 @@ def test_words_that_are_no_source_are_one_line(tmp_path):
 # ---- shapes from measurements ----
 
 
-@pytest.mark.parametrize("file", ["rig_60mm.yaml", "two_section.yaml"])
+@pytest.mark.parametrize("file", ["rig_60mm.yaml", "two_section.yaml", "rod_90mm.yaml"])
 def test_the_arcs_through_a_tip_are_those_it_was_made_of(file):
     robot = robots.drawn(robots.load_robot(str(SOURCE / "config/robots" / file)))
     sections = len(robot.units)
     bends = np.random.default_rng(1).uniform(-0.9, 0.9, (20, 2 * sections))
     bends[0] = 0
-    poses = robot.model.disks(np.array([robot.spread(bend) for bend in bends]))[:, -1]
+    poses = robot.model.disks(robot.spread(bends))[:, -1]
     found = geometry.bending_of_tips(robot, poses[:, :3, 3], poses[:, :3, :3])
     np.testing.assert_allclose(found, bends, atol=1e-6)
     tip = np.array([[np.nan] * 3, poses[1, :3, 3]])
     assert np.isnan(geometry.bending_of_tips(robot, tip)[0]).all()
+    points = geometry.points_of(robot, robot.spread(bends[1]))
+    assert len(points.disks) == robot.disks and all(len(holes) <= robot.disks + 1 for holes in points.tendons_m)
+    np.testing.assert_allclose(points.backbone_m[-1], points.disks[-1, :3, 3], atol=1e-12)
 
 
 def test_quaternions_turn_as_the_rotations():
@@ -200,7 +203,7 @@ def test_a_set_shows_its_tip_and_its_cells(tmp_path):
     columns = ["t_s", *(f"tension_N_{j}" for j in (1, 2, 3)), "tip_x_m", "tip_y_m", "tip_z_m"]
     recording = sources.open_sources([str(write_set(tmp_path / "set", rows, columns))], None)[0]
     pose = recording.frames[recording.at(0.9)].poses[0]
-    assert pose.q_rad.reshape(-1, 2).sum(axis=0) == pytest.approx([1.2 * np.sin(0.9), 0], abs=0.02)
+    assert pose.q.reshape(-1, 2).sum(axis=0) == pytest.approx([1.2 * np.sin(0.9), 0], abs=0.02)
     assert list(pose.cell_N) == [0.7] * 3
     assert "arcs through the tracked tip" in recording.remarks[0]
     rows[:, 1:] = np.nan

@@ -11,6 +11,7 @@ import numpy as np
 
 from .. import _core
 from .._arrays import Array
+from ..model import Model
 from ..report import Report
 from . import robots, sets
 from .frames import DrawnRobot, Frame, Pose, Recording, ViewError, unknown
@@ -52,19 +53,19 @@ def runs_of_command(report: Report, path: pathlib.Path) -> list[str]:
 
 
 def simulated(robot: _core.Robot, run: _core.Run, times_s: Array) -> Array:
-    """T x 2N: the shape that this robot would have had in the run, as the diagnosis simulates it; NaN where nothing
+    """T rows of q: the shape that this robot would have had in the run, as the diagnosis simulates it; NaN where nothing
     recorded can drive a model."""
     try:
         return _core.replayed_shape(robot, run, run.time[0] + times_s)
     except RuntimeError:
-        return unknown(len(times_s), 2 * robot.units)
+        return unknown(len(times_s), len(Model(robot).coordinates))
 
 
-def tips_of(robot: DrawnRobot, q_rad: Array) -> Array:
-    known = np.isfinite(q_rad).all(axis=1)
-    tips = unknown(len(q_rad), 3)
+def tips_of(robot: DrawnRobot, q: Array) -> Array:
+    known = np.isfinite(q).all(axis=1)
+    tips = unknown(len(q), 3)
     if known.any():
-        tips[known] = np.asarray(robot.model.disks(q_rad[known]))[:, -1, :3, 3]
+        tips[known] = np.asarray(robot.model.disks(q[known]))[:, -1, :3, 3]
     return tips
 
 

@@ -23,9 +23,9 @@ def unknown(*shape: int) -> Array:
 
 @dataclasses.dataclass(frozen=True)
 class Pose:
-    """One robot at one time: M tendons, N units. NaN: not known. Frames and signs as in the LCM messages."""
+    """One robot at one time: M tendons. NaN: not known. Frames and signs as in the LCM messages."""
 
-    q_rad: Array  # 2N: (u, v) of each unit
+    q: Array  # strains of the units, as model.coordinates of its robot names them
     tension_N: Array  # M: pull of each tendon, which colours it
     cell_N: Array  # M: readings of the load cells; all NaN: none
     reference_tip_m: Array  # 3, in F_0: where the tip should be
@@ -49,6 +49,9 @@ class DrawnRobot:
     name: str
     model: Model
     units: tuple[int, ...]  # of each section
+    disks: int
+    q_at_rest: Array  # without bending
+    q_per_bending: Array  # 2K x n: what an arc of each section adds
     length_m: float
     disk_radius_m: float
     tendons: int
@@ -60,9 +63,8 @@ class DrawnRobot:
     measured_is: str = "measured"
 
     def spread(self, bending_rad: Array) -> Array:
-        """2N: every unit of a section takes an equal share of its bend, from 2K: (us, vs) of each section."""
-        parts = [np.tile(bending_rad[2 * k : 2 * k + 2] / n, n) for k, n in enumerate(self.units)]
-        return np.concatenate(parts)
+        """q of arcs, from (us, vs) of each section, 2K or rows of them; NaN where one is not known."""
+        return np.asarray(self.q_at_rest + bending_rad @ self.q_per_bending)
 
 
 @dataclasses.dataclass

@@ -17,17 +17,17 @@ class Points:
     """A robot's body in F_0 [m]."""
 
     backbone_m: Array  # P x 3, base first
-    disks: Array  # N x 4 x 4, pose of each unit's disk
+    disks: Array  # D x 4 x 4, their poses
     tendons_m: list[Array]  # of each tendon its holes, base first: k x 3
 
 
-def points_of(robot: DrawnRobot, q_rad: Array) -> Points:
-    """The body at one q (2N)."""
+def points_of(robot: DrawnRobot, q: Array) -> Points:
+    """The body at one q."""
     model = robot.model
-    lines = model.tendon_points(q_rad)  # M x (N + 1) x 3, NaN beyond a tendon's end
+    lines = model.tendon_points(q)  # M x (D + 1) x 3, NaN beyond a tendon's end
     return Points(
-        backbone_m=model.backbone(q_rad, points=POINTS_PER_UNIT * sum(robot.units) + 1),
-        disks=model.disks(q_rad)[1:],  # without the base's
+        backbone_m=model.backbone(q, points=POINTS_PER_UNIT * sum(robot.units) + 1),
+        disks=model.disks(q)[1:],  # without the base's
         tendons_m=[line[np.isfinite(line[:, 0])] for line in lines],
     )
 
@@ -83,7 +83,7 @@ def bending_of_tips(
         return bend
 
     def left(x: Array) -> Array:
-        pose = robot.model.disks(np.array([robot.spread(row) for row in x]))[:, -1]
+        pose = robot.model.disks(robot.spread(x))[:, -1]
         error = [(pose[:, :3, 3] - tip_m[known]) / robot.length_m]
         if rotation is not None:
             error.append((pose[:, :3, :3] - rotation[known])[:, :, :2].reshape(len(x), 6))

@@ -156,7 +156,7 @@ def read_log(path: pathlib.Path, given: _core.Robot | None = None) -> Recording:
         remarks.append(f"the log is damaged: {events.damage}")
     if backwards:
         remarks.append(f"{backwards} messages whose time does not increase left out")
-    hidden = sum(not np.isfinite(frame.poses[0].q_rad).all() for frame in frames)
+    hidden = sum(not np.isfinite(frame.poses[0].q).all() for frame in frames)
     if hidden:
         remarks.append(f"{hidden} of {len(frames)} frames hold no finite bending and show no robot")
     return Recording(path.name, (robot,), frames, tuple(remarks))

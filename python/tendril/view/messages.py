@@ -86,7 +86,7 @@ def frame_of(robot: DrawnRobot, message: Any, time_s: float, measured_tip_m: Arr
     bending = finite(message.bending_estimate_rad, 2 * len(robot.units))
     reference = getattr(message, "tip_desired_W_m", None) or getattr(message, "reference_tip_W_m", ())
     pose = Pose(
-        q_rad=robot.spread(bending),
+        q=robot.spread(bending),
         tension_N=finite(message.tension_base_estimate_N, tendons),
         cell_N=finite(message.tension_measured_N, tendons),
         reference_tip_m=finite(reference, 3),

@@ -67,7 +67,7 @@ def words(recording: Recording, frame: Frame | None, silence: str, frames_per_s:
         if np.isfinite(first.tension_N).any():
             values = " ".join("–" if np.isnan(t) else f"{t:.2f}" for t in first.tension_N)
             lines.append(f"tensions [N]: {values}")
-        if not all(np.isfinite(pose.q_rad).all() for pose in frame.poses):
+        if not all(np.isfinite(pose.q).all() for pose in frame.poses):
             lines.append("a robot without finite values at this moment is not drawn")
     lines += [html.escape(remark) for remark in recording.remarks]
     lines.append(f"{frames_per_s:.0f} frames/s")

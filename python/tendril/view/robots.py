@@ -29,12 +29,18 @@ def parse_robot(yaml: str, of: str) -> _core.Robot:
 
 def drawn(robot: _core.Robot, title: str = "", *, coloured_by: str = "base", **names: str) -> DrawnRobot:
     """`coloured_by`: the tension at the base, or the reading of the load cells ("cell")."""
+    model = Model(robot)
+    bends = 2 * robot.sections
+    at_rest = model.spread(np.zeros(bends))
     at_base = coloured_by == "base" or robot.load_cell == "robot_side"
     return DrawnRobot(
         title=title,
         name=robot.name,
-        model=Model(robot),
+        model=model,
         units=tuple(robot.section_units),
+        disks=len(model.disks(at_rest)) - 1,
+        q_at_rest=at_rest,
+        q_per_bending=model.spread(np.eye(bends)) - at_rest,
         length_m=float(robot.length),
         disk_radius_m=DISK_PER_HOLE * float(np.max(robot.tendon_radii)),
         tendons=int(robot.tendons),

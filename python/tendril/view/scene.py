@@ -150,7 +150,7 @@ class Body:
         self, scene: Any, name: str, robot: DrawnRobot, scale: float, origin: Array, directions: Directions
     ):
         self.robot, self.scale, self.origin = robot, scale, origin
-        straight = points_of(robot, np.zeros(2 * sum(robot.units)))
+        straight = points_of(robot, robot.q_at_rest)
         self.holes = [len(line) for line in straight.tendons_m]
         disk = scale * robot.disk_radius_m
         thin, thick = min(TENDON_RADIUS, 0.15 * disk), min(BACKBONE_RADIUS, 0.35 * disk)
@@ -166,7 +166,7 @@ class Body:
 
     def _add_disks(self, scene: Any, name: str) -> None:
         vertices, faces = tube(28, closed=True)
-        radius, n = self.scale * self.robot.disk_radius_m, sum(self.robot.units)
+        radius, n = self.scale * self.robot.disk_radius_m, self.robot.disks
         self.disk_scales = np.tile([radius, radius, DISK_HEIGHT], (n, 1))
         self.disks = instances(scene, f"{name}/disks", (vertices - [0, 0, 0.5], faces), n, colours.DISK)
 
@@ -183,7 +183,7 @@ class Body:
         return self.origin + self.scale * points_m
 
     def draw(self, pose: Pose, reference_path_m: Array, measured_path_m: Array) -> None:
-        if np.isfinite(pose.q_rad).all():
+        if np.isfinite(pose.q).all():
             self._draw_shape(pose)
         else:
             self._hide_shape()
@@ -192,7 +192,7 @@ class Body:
         self.cells.draw(pose.cell_N)
 
     def _draw_shape(self, pose: Pose) -> None:
-        points = points_of(self.robot, pose.q_rad)
+        points = points_of(self.robot, pose.q)
         line = self.place(points.backbone_m)
         self.backbone.move(line[:-1], line[1:])
         self.disks.batched_positions = self.place(points.disks[:, :3, 3])

@@ -62,11 +62,11 @@ def rotations_of(quaternions: Array) -> Array:
 
 
 def measured_shape(robot: DrawnRobot, run: Run, rows: NDArray[np.intp]) -> tuple[Array, str]:
-    """n x 2N, and how it was found: recorded bends, else the arc through the tracked tip, else the model's
+    """n rows of q, and how it was found: recorded bends, else the arc through the tracked tip, else the model's
     equilibrium under the measured tensions."""
     bends = filled(run.time_s, run.bending_rad)[rows] if run.bending_rad.size else unknown(len(rows), 0)
     if np.isfinite(bends).any():
-        return np.array([robot.spread(row) for row in bends]), "bends as recorded"
+        return robot.spread(bends), "bends as recorded"
     if np.isfinite(run.tip_m).any():
         tip = filled(run.time_s, run.tip_m)[rows]
         rotation = None
@@ -75,15 +75,15 @@ def measured_shape(robot: DrawnRobot, run: Run, rows: NDArray[np.intp]) -> tuple
             tip[~np.isfinite(quaternion).all(axis=1)] = np.nan
             rotation = rotations_of(quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
         bends = bending_of_tips(robot, tip, rotation)
-        return np.array([robot.spread(row) for row in bends]), "arcs through the tracked tip"
+        return robot.spread(bends), "arcs through the tracked tip"
     if np.isfinite(run.tension_N).any():
         tension = filled(run.time_s, run.tension_N)[rows]
         known = np.isfinite(tension).all(axis=1)
-        shape = unknown(len(rows), 2 * sum(robot.units))
+        shape = unknown(len(rows), robot.q_at_rest.size)
         if known.any():
             shape[known] = robot.model.statics(np.maximum(tension[known], 0))
         return shape, "the model's equilibrium under the measured tensions"
-    return unknown(len(rows), 2 * sum(robot.units)), ""
+    return unknown(len(rows), robot.q_at_rest.size), ""
 
 
 def recording_of(robot: DrawnRobot, run: Run) -> Recording:
