@@ -113,7 +113,7 @@ struct Controller::Impl {
         gains(TensionFeedbackGains(robot, parameters, period_s)),
         body(robot.body),
         tables(model::MakeCapstanTables(robot.actuation->tendons, robot.limits.max_tension_motor_N)),
-        estimator(robot, body, tables, period_s),
+        estimator(robot, body, tables, period_s, model::UnseenBending(robot_in)),
         tracker_check(robot),
         guards(robot, parameters.guards, period_ns, body, tables),
         reference(robot, parameters, body, limits, period_ns, row.feeds_forward, actuation_delay_ns),

@@ -118,6 +118,18 @@ void AddCellGain(const RobotParameters& robot, std::vector<FileNumber>& all) {
                  }});
 }
 
+/// The gear's yields are a list, wrong by one factor.
+void AddPresliding(const RobotParameters& robot, std::vector<FileNumber>& all) {
+  const std::vector<double>& yields = robot.actuation->tendons.front().gear.presliding_yields_rad;
+  if (yields.empty()) return;
+  all.push_back({"actuation.gear.presliding_yields_rad", yields.front(), false, sim::Stage::kDrive,
+                 sim::Element::kAny, [](RobotParameters& changed, double change) {
+                   for (TendonDriveParameters& drive : changed.actuation->tendons) {
+                     for (double& yield : drive.gear.presliding_yields_rad) yield *= std::exp(change);
+                   }
+                 }});
+}
+
 void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
   constexpr Place kDrive{sim::Stage::kDrive}, kTransmission{sim::Stage::kTransmission},
       kTendon{sim::Stage::kTransmission, sim::Element::kTendon},
@@ -146,6 +158,7 @@ void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
   part("motor.torque_lag_s", kDrive, &Drive::motor, &MotorParameters::torque_lag_s);
   part("gear.ratio", kTransmission, &Drive::gear, &GearParameters::ratio);
   part("gear.efficiency", kDrive, &Drive::gear, &GearParameters::efficiency);
+  AddPresliding(robot, all);
   part("spool.radius_m", kTransmission, &Drive::spool, &SpoolParameters::radius_m);
   part("tendon.stiffness_Npm", kTendon, &Drive::tendon, &TendonParameters::stiffness_Npm);
   part("tendon.damping_Nspm", kTendon, &Drive::tendon, &TendonParameters::damping_Nspm);
@@ -244,12 +257,18 @@ Point Refined(const std::function<double(double)>& score, Point best, double ste
   return best;
 }
 
-/// The best of doubling steps in both directions, refined. The first steps are always taken, since the score
-/// may fall before it rises for a number that is far off; later ones only while the score does not fall.
+/// The best of doubling steps in both directions and of the `slips`, refined. The first steps are always
+/// taken, since the score may fall before it rises for a number that is far off; later ones only while the
+/// score does not fall. Between the right value and one of another unit the robot may be of no use, so a slip
+/// is tried as it is.
 Point Followed(const std::function<double(double)>& score, const Point& start, double first_step, double most,
-               int halvings) {
+               const std::vector<double>& slips, int halvings) {
   constexpr double kAnyway = 1;  // a factor of e, or a radian
   Point best = start;
+  for (const double slip : slips) {
+    const Point next{slip, score(slip)};
+    if (next.score > best.score) best = next;
+  }
   for (const int sign : {1, -1}) {
     double last = start.score;
     for (double step = first_step; step <= most; step *= 2) {
@@ -343,6 +362,7 @@ std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Eigen::Vecto
                                   const std::function<void(double)>& progress) {
   // From a fifth to three orders of magnitude, such as a missing milli; angles up to half a turn.
   constexpr double kFirstStep = 0.2, kMost = 7, kFirstStep_rad = 0.1, kMost_rad = std::numbers::pi;
+  const double milli = std::log(1e-3);
   constexpr int kCoarse = 2, kMiddle = 1, kFine = 6;
   // A race: every number on one run, the first of them on a few, the best on all. A right number explains
   // nearly all of any run, so it is far from the last on one.
@@ -363,7 +383,8 @@ std::vector<NumberFit> FitNumbers(const Evaluator& evaluator, const Eigen::Vecto
       return followed.At(changed, change, telling);
     };
     best = Followed(score, {0, at_nominal}, number.angle ? kFirstStep_rad : kFirstStep,
-                    number.angle ? kMost_rad : kMost, kCoarse);
+                    number.angle ? kMost_rad : kMost,
+                    number.angle ? std::vector<double>{} : std::vector{milli, -milli}, kCoarse);
     if (progress) progress(0.6 * ++done / static_cast<double>(entered.size()));
   });
   std::erase_if(entered, [](const auto& one) { return one.second.change == 0; });

@@ -427,15 +427,14 @@ class Case {
            (closed_ && closed_->high < 1);
   }
 
-  /// The library's own search has tried this number at this value.
+  /// The library's own search has fitted this number, and could have come to this value.
   bool Searched(const NumberFit& fit) const {
-    const auto its = std::find_if(search_.screened.begin(), search_.screened.end(), [&](const Screened& s) {
-      return s.candidate.effect->name == fit.number.effect;
-    });
-    if (its == search_.screened.end()) return false;
-    const sim::EffectParameter& p = its->candidate.parameters.front();
     const double by = fit.number.angle ? fit.value - fit.number.in_file : fit.value / fit.number.in_file;
-    return p.lower < by && by < p.upper;
+    return std::any_of(search_.fits.begin(), search_.fits.end(), [&](const Fit& searched) {
+      const sim::Effect& effect = *searched.model.parts.front().effect;
+      const sim::EffectParameter& p = effect.parameters.front();
+      return effect.name == fit.number.effect && p.lower < by && by < p.upper;
+    });
   }
 
   /// Numbers of the file that explain the runs better than the best cause by enough to tell two causes apart,
@@ -451,9 +450,11 @@ class Case {
     std::stable_sort(numbers.begin(), numbers.end(),
                      [](const NumberFit& a, const NumberFit& b) { return a.score > b.score; });
     const double nominal = score(nominal_);
-    // A number that leaves nothing where the best cause leaves a gap shows that the model has no discrepancy
-    // here.
-    const bool exact = judgement_.leftover_sigma > 0 && LeavesSigma(numbers.front().residuals) == 0;
+    // A number that leaves nothing where the best cause leaves a gap, or no more than a slightly inaccurate
+    // law where the best cause leaves more, shows that the model has no such discrepancy here.
+    const double leaves = LeavesSigma(numbers.front().residuals);
+    const bool exact = (judgement_.leftover_sigma > 0 && leaves == 0) ||
+                       (judgement_.leftover_sigma > kMostLeft_sigma && leaves <= kMostLeft_sigma);
     const double relative = exact ? 0 : kRelativeTemperature;
     const double temperature = kTemperature + relative * std::max(0.0, numbers.front().score - nominal);
     // A cause with more parameters for the same explanation is less likely.

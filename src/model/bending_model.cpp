@@ -1,8 +1,10 @@
 #include "tendril/model/bending_model.h"
 
 #include <algorithm>
+#include <vector>
 
 #include "tendril/model/body.h"
+#include "tendril/model/inverse.h"
 #include "tendril/model/statics.h"
 
 namespace tendril::model {
@@ -27,6 +29,35 @@ SectionParameters OneUnitADisk(SectionParameters s) {
   s.torsional_damping_Nms = s.axial_damping_Nspm = s.shear_damping_Nspm = 0;
   s.rest_torsion_rad_per_m = s.rest_extension = 0;
   return s;
+}
+
+/// Tensions: all tendons at the minimum, then each in turn at the largest beside them.
+std::vector<Eigen::VectorXd> Loads(const LimitParameters& limits, int tendons) {
+  const Eigen::VectorXd least_N = Eigen::VectorXd::Constant(tendons, limits.min_tension_N);
+  std::vector<Eigen::VectorXd> loads(static_cast<std::size_t>(tendons) + 1, least_N);
+  for (int j = 0; j < tendons; ++j) loads[static_cast<std::size_t>(j) + 1][j] = limits.max_tension_base_N;
+  return loads;
+}
+
+TendonVector ShorteningOf(const Body& body, ConstVectorRef q) {
+  TendonVector shortening_m(body.tendons());
+  body.TendonShortening(q, shortening_m);
+  return shortening_m;
+}
+
+/// The bend of least norm whose arcs shorten the tendons so, or come nearest to that: Gauss-Newton.
+BendingVector BendOfShortening(const Body& bending, const TendonVector& shortening_m) {
+  constexpr int kSteps = 30;
+  BendingVector bend_rad = BendingVector::Zero(2 * bending.sections());
+  CoordinateVector q(bending.dof());
+  Eigen::MatrixXd slope(bend_rad.size(), bending.tendons());
+  for (int k = 0; k < kSteps; ++k) {
+    bending.SpreadBending(bend_rad, q);
+    SectionForcePerTension(bending, bend_rad, slope);
+    const Eigen::VectorXd left_m = shortening_m - ShorteningOf(bending, q);
+    bend_rad += slope.transpose().completeOrthogonalDecomposition().solve(left_m);
+  }
+  return bend_rad;
 }
 
 }  // namespace
@@ -60,15 +91,35 @@ RobotParameters ControlModel(RobotParameters robot) {
 std::optional<double> WorstTipErrorOfBending(const RobotParameters& robot) {
   const Body body(robot.body), bending(BendingModel(robot.body));
   double worst_m = 0;
-  for (int pulled = -1; pulled < body.tendons(); ++pulled) {
-    Eigen::VectorXd tension_N = Eigen::VectorXd::Constant(body.tendons(), robot.limits.min_tension_N);
-    if (pulled >= 0) tension_N[pulled] = robot.limits.max_tension_base_N;
+  for (const Eigen::VectorXd& tension_N : Loads(robot.limits, body.tendons())) {
     const Equilibrium real = SolveStatics(body, tension_N, {}), model = SolveStatics(bending, tension_N, {});
     if (real.result != StaticsResult::kConverged || model.result != StaticsResult::kConverged)
       return std::nullopt;
     worst_m = std::max(worst_m, (body.TipPose(real.q).p_WA - bending.TipPose(model.q).p_WA).norm());
   }
   return worst_m;
+}
+
+BendingMatrix UnseenBending(const RobotParameters& robot) {
+  const int size = 2 * static_cast<int>(robot.body.sections.size());
+  BendingMatrix unseen_rad2 = BendingMatrix::Zero(size, size);
+  if (robot.body.BendsOnly()) return unseen_rad2;
+  const Body body(robot.body), bending(BendingModel(robot.body));
+  const TendonVector straight_m = ShorteningOf(bending, Eigen::VectorXd::Zero(bending.dof()));
+  TendonVector least_m;  // the body's own shortening at the minimum tensions
+  int loads = 0;
+  for (const Eigen::VectorXd& tension_N : Loads(robot.limits, body.tendons())) {
+    const Equilibrium real = SolveStatics(body, tension_N, {});
+    if (real.result != StaticsResult::kConverged) continue;
+    const TendonVector shortening_m = ShorteningOf(body, real.q);
+    if (loads++ == 0) least_m = shortening_m;
+    BendingVector error_rad(size);
+    body.SumBending(real.q, error_rad);
+    error_rad -= BendOfShortening(bending, straight_m + shortening_m - least_m);
+    unseen_rad2 += error_rad * error_rad.transpose();
+  }
+  if (loads > 0) unseen_rad2 /= loads;
+  return unseen_rad2;
 }
 
 }  // namespace tendril::model

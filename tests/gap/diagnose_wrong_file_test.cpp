@@ -91,55 +91,70 @@ TEST_P(DiagnoseWrongFile, TheNumberIsReportedFirst) {
 
 INSTANTIATE_TEST_SUITE_P(
     Numbers, DiagnoseWrongFile,
-    testing::Values(WrongNumber{"body.sections.tendons.radius_m",
-                                1.5,
-                                [](RobotParameters& robot, double factor) {
-                                  for (auto& tendon : robot.body.sections[0].tendons)
-                                    tendon.radius_m *= factor;
-                                },
-                                {"hole_radius", "tendon_stiffness", "bending_stiffness", "unit_stiffness"}},
-                    WrongNumber{"actuation.gear.ratio",
-                                16.0 / 19,
-                                [](RobotParameters& robot, double factor) {
-                                  for (auto& tendon : robot.actuation->tendons) tendon.gear.ratio *= factor;
-                                },
-                                {"torque_constant", "tendon_stiffness", "gear_efficiency"}},
-                    // A diameter taken for the radius.
-                    WrongNumber{"actuation.spool.radius_m",
-                                2,
-                                [](RobotParameters& robot, double factor) {
-                                  for (auto& tendon : robot.actuation->tendons)
-                                    tendon.spool.radius_m *= factor;
-                                },
-                                {"torque_constant", "spool_growth", "tendon_stiffness"}},
-                    WrongNumber{"body.sections.core_radius_m",
-                                0.5,
-                                [](RobotParameters& robot, double factor) {
-                                  robot.body.sections[0].core_radius_m *= factor;
-                                },
-                                {"bending_stiffness", "tip_force", "tracker_offset"}},
-                    // A backbone sixteen times too stiff hardly bends, and does not ring.
-                    WrongNumber{"body.sections.core_radius_m",
-                                2,
-                                [](RobotParameters& robot, double factor) {
-                                  robot.body.sections[0].core_radius_m *= factor;
-                                },
-                                {"bending_stiffness", "tip_force", "tendon_stiffness"}},
-                    // Newtons per millimetre taken for newtons per metre. Slack, which stiff tendons turn
-                    // into a gap, closes as much as softer ones at the bound of the library's range.
-                    WrongNumber{"actuation.tendon.stiffness_Npm",
-                                1000,
-                                [](RobotParameters& robot, double factor) {
-                                  for (auto& tendon : robot.actuation->tendons)
-                                    tendon.tendon.stiffness_Npm *= factor;
-                                },
-                                {"slack", "tendon_stiffness", "encoder_offset"},
-                                0.2},
-                    WrongNumber{
-                        "body.gravity_W_mps2",
-                        1.5,
-                        [](RobotParameters& robot, double factor) { robot.body.gravity_W_mps2 *= factor; },
-                        {"tip_force", "unit_stiffness", "base_tilt"}}),
+    testing::Values(
+        WrongNumber{"body.sections.tendons.radius_m",
+                    1.5,
+                    [](RobotParameters& robot, double factor) {
+                      for (auto& tendon : robot.body.sections[0].tendons) tendon.radius_m *= factor;
+                    },
+                    {"hole_radius", "tendon_stiffness", "bending_stiffness", "unit_stiffness"}},
+        WrongNumber{"actuation.gear.ratio",
+                    16.0 / 19,
+                    [](RobotParameters& robot, double factor) {
+                      for (auto& tendon : robot.actuation->tendons) tendon.gear.ratio *= factor;
+                    },
+                    {"torque_constant", "tendon_stiffness", "gear_efficiency"}},
+        // A diameter taken for the radius.
+        WrongNumber{"actuation.spool.radius_m",
+                    2,
+                    [](RobotParameters& robot, double factor) {
+                      for (auto& tendon : robot.actuation->tendons) tendon.spool.radius_m *= factor;
+                    },
+                    {"torque_constant", "spool_growth", "tendon_stiffness"}},
+        WrongNumber{
+            "body.sections.core_radius_m",
+            0.5,
+            [](RobotParameters& robot, double factor) { robot.body.sections[0].core_radius_m *= factor; },
+            {"bending_stiffness", "tip_force", "tracker_offset"}},
+        // A backbone sixteen times too stiff hardly bends, and does not ring.
+        WrongNumber{
+            "body.sections.core_radius_m",
+            2,
+            [](RobotParameters& robot, double factor) { robot.body.sections[0].core_radius_m *= factor; },
+            {"bending_stiffness", "tip_force", "tendon_stiffness"}},
+        // Newtons per millimetre taken for newtons per metre. Slack, which stiff tendons turn
+        // into a gap, closes as much as softer ones at the bound of the library's range.
+        WrongNumber{"actuation.tendon.stiffness_Npm",
+                    1000,
+                    [](RobotParameters& robot, double factor) {
+                      for (auto& tendon : robot.actuation->tendons) tendon.tendon.stiffness_Npm *= factor;
+                    },
+                    {"slack", "tendon_stiffness", "encoder_offset"},
+                    0.2},
+        // Megapascals taken for pascals times a thousand: a backbone that bends as far as it can.
+        WrongNumber{
+            "body.sections.youngs_modulus_Pa",
+            1e-3,
+            [](RobotParameters& robot, double factor) { robot.body.sections[0].youngs_modulus_Pa *= factor; },
+            {"bending_stiffness", "tracker_offset", "hole_angle"}},
+        // Screening with half the stiffness puts so many others first that its own effect is not
+        // fitted.
+        WrongNumber{
+            "body.sections.youngs_modulus_Pa",
+            0.5,
+            [](RobotParameters& robot, double factor) { robot.body.sections[0].youngs_modulus_Pa *= factor; },
+            {"bending_stiffness", "tendon_stiffness", "axial_stiffness", "slack", "encoder_offset",
+             "tendon_creep", "contact", "hole_radius", "cell_gain", "spool_growth"}},
+        WrongNumber{"actuation.gear.ratio",
+                    1e-3,
+                    [](RobotParameters& robot, double factor) {
+                      for (auto& tendon : robot.actuation->tendons) tendon.gear.ratio *= factor;
+                    },
+                    {"torque_constant", "tendon_stiffness", "cell_gain"}},
+        WrongNumber{"body.gravity_W_mps2",
+                    1.5,
+                    [](RobotParameters& robot, double factor) { robot.body.gravity_W_mps2 *= factor; },
+                    {"tip_force", "unit_stiffness", "base_tilt"}}),
     [](const auto& about) {
       std::string name = fmt::format("{}_{:.2g}", about.param.key, about.param.factor);
       for (char& c : name) c = std::isalnum(static_cast<unsigned char>(c)) ? c : '_';

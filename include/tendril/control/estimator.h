@@ -22,9 +22,11 @@ class Estimator {
   static constexpr double kSlack = 0.07, kTaut = 0.2;
   static constexpr double kZeroed_s = 0.1;  // averaging time for zeroing
 
-  /// `tables` has one entry per tendon and, like `body`, outlives the estimator.
+  /// `tables` has one entry per tendon and, like `body`, outlives the estimator. `unseen_rad2` of
+  /// model::UnseenBending, if any, is part of every covariance that Step gives.
   Estimator(const RobotParameters& robot, const model::Body& body,
-            const std::vector<std::shared_ptr<const model::CapstanTable>>& tables, double period_s);
+            const std::vector<std::shared_ptr<const model::CapstanTable>>& tables, double period_s,
+            const BendingMatrix& unseen_rad2 = {});
 
   /// Fills the estimates in `output` from the drives' raw values.
   ///
@@ -33,7 +35,8 @@ class Estimator {
   /// steps (now and at zero, each step^2 / 12) and the variance of the motor-side tension over stiffness
   /// squared: noise and resolution of the load cell, or of the torque without one. Where friction lies
   /// between sensor and motor side, its part that has not built up adds (1 - z^2) h^2 / 3, h being half the
-  /// difference between pulling and paying out. Errors of the robot file are not included.
+  /// difference between pulling and paying out. Of errors of the model `unseen_rad2` alone is included, of
+  /// errors of the robot file none.
   ///
   /// Bending directions that no tendon measures come from the static balance, see below, with the prior's
   /// full variance.
@@ -116,7 +119,8 @@ class Estimator {
   TendonVector rest_m_, tension_base_N_, stretch_m_;  // the last two are means over kZeroed_s
   BendingVector pretension_rad_, bending_rad_;
   TendonVector pretension_m_, shortening_m_, weight_;
-  BendingMatrix covariance_rad2_;
+  BendingMatrix covariance_rad2_;  // as far as the sensors make it
+  BendingMatrix unseen_rad2_;
   UnitVector q_, unit_force_Nm_;
 };
 

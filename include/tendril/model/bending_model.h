@@ -4,6 +4,7 @@
 
 #include <optional>
 
+#include "tendril/core/limits.h"
 #include "tendril/core/robot.h"
 
 namespace tendril::model {
@@ -18,5 +19,11 @@ RobotParameters ControlModel(RobotParameters robot);
 /// at limits.min_tension_N, and each in turn at limits.max_tension_base_N beside them, under its gravity and
 /// tip force. None where one of the two has no equilibrium under any of these loads.
 std::optional<double> WorstTipErrorOfBending(const RobotParameters& robot);
+
+/// What the tendons' shortening does not show of the sections' bend where the body has other strains too: second
+/// moment [rad^2] of the body's own bend less the one in which the bending model has the same shortenings, both
+/// from where all tendons are at limits.min_tension_N, over the same loads without those that have no
+/// equilibrium. Zero for a body that only bends.
+BendingMatrix UnseenBending(const RobotParameters& robot);
 
 }  // namespace tendril::model

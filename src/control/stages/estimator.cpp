@@ -49,7 +49,8 @@ double SensorVariance(const TendonDriveParameters& t) {
 }  // namespace
 
 Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
-                     const std::vector<std::shared_ptr<const model::CapstanTable>>& tables, double period_s)
+                     const std::vector<std::shared_ptr<const model::CapstanTable>>& tables, double period_s,
+                     const BendingMatrix& unseen_rad2)
     : body_(body),
       tables_(tables),
       min_tension_N_(robot.limits.min_tension_N),
@@ -72,6 +73,7 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
       shortening_m_(TendonVector::Zero(body.tendons())),
       weight_(TendonVector::Ones(body.tendons())),
       covariance_rad2_(BendingMatrix::Identity(2 * body.sections(), 2 * body.sections()) * straight_rad2_),
+      unseen_rad2_(unseen_rad2),
       q_(UnitVector::Zero(body.dof())),
       unit_force_Nm_(q_) {
   if (!pulls_every_way_) FindPretension();
@@ -149,6 +151,7 @@ void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
     BendingWithSlack(output.tension_base_estimate_N, variance_m2);
   }
   output.bending_covariance_rad2 = covariance_rad2_;
+  if (unseen_rad2_.size() > 0) output.bending_covariance_rad2 += unseen_rad2_;
   body_.SpreadBending(bending_rad_, q_);
   const model::Pose tip = body_.TipPose(q_);
   output.bending_estimate_rad = bending_rad_;

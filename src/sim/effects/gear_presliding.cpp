@@ -12,6 +12,7 @@ Effect GearPresliding() {
       .cut_robot_side = Cut::kDrivetrain,
       .on_one = true,
       .nuisance = true,
+      .number = "actuation.gear.presliding_yields_rad",
       .parameters = {Scale(0.1, 10, 1)},
       .summary = "the gear's friction changes direction over a different angle than nominal",
       .physics =
