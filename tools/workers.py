@@ -1,5 +1,6 @@
 """Tasks of a campaign on Dask: planned here, done by workers on this machine or by a cluster, results as they come.
 A task is a function of a module and arguments that can be pickled. Knows nothing of what the tasks do."""
+import argparse
 import collections
 import contextlib
 import importlib
@@ -9,6 +10,7 @@ import logging
 import os
 import pathlib
 import queue
+import re
 import shutil
 import signal
 import subprocess
@@ -138,18 +140,23 @@ def run(words, timeout_s=None):
 # ---- in the planning process ----
 
 def positive(text):
-    import argparse
     if not (text.isascii() and text.isdecimal() and 1 <= int(text) <= 1000):
         raise argparse.ArgumentTypeError(f"'{text}': expected a whole number from 1 to 1000")
     return int(text)
 
 
+def address(text):
+    if not re.fullmatch(r"(tcp|tls)://([^\s/:\[\]]+|\[[0-9a-fA-F:]+\]):[0-9]{1,5}", text):
+        raise argparse.ArgumentTypeError(f"'{text}': expected tcp://HOST:PORT or tls://HOST:PORT")
+    return text
+
+
 def add_arguments(parser):
     parser.add_argument("--jobs", type=positive, default=os.cpu_count(), metavar="N",
-                        help="workers on this machine, one task each at a time (default: one a core)")
-    parser.add_argument("--scheduler", metavar="ADDRESS",
-                        help="Dask scheduler of a cluster instead, tcp://HOST:PORT or tls://HOST:PORT; its workers see the project's "
-                             "and the output's folder under the same paths")
+                        help="workers on this machine, a task each at a time (default: one a core)")
+    parser.add_argument("--scheduler", type=address, metavar="ADDRESS",
+                        help="a cluster's Dask scheduler instead, tcp://HOST:PORT or tls://HOST:PORT; its workers see the folders of the "
+                             "project and of the output under the same paths (docs/guides/campaigns.md)")
 
 
 class Progress:
@@ -191,8 +198,6 @@ class Workers:
         self.jobs, self.scheduler = jobs, scheduler
         self.campaign, self.client, self.cluster, self.scratch, self.running = uuid.uuid4().hex, None, None, None, {}
         self.ended = queue.SimpleQueue()
-        if scheduler and not scheduler.startswith(("tcp://", "tls://")):
-            raise Wrong(f"--scheduler {scheduler}: expected tcp://HOST:PORT or tls://HOST:PORT")
 
     def __enter__(self):
         here = threading.current_thread() is threading.main_thread()
