@@ -95,13 +95,10 @@ def _stop(campaign):
                     os.killpg(process, signal.SIGKILL)
 
 
-def ignore_interrupts():
+def dask_setup(worker):
+    """Called by Dask in each worker of this machine. Ctrl-C at the terminal is for the planning process, which ends them."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def dask_setup(_worker):
-    """Called by Dask in each worker of this machine: Ctrl-C at the terminal is for the planning process, which ends them."""
-    ignore_interrupts()
+    worker.extensions.pop("shuffle", None)  # no task needs it, and closed a second time it prints a traceback
 
 
 @contextlib.contextmanager
@@ -298,6 +295,7 @@ class Workers:
         except ModuleNotFoundError as missing:
             raise Wrong(f"no Python package {missing.name}: sudo apt-get install python3-distributed")
         cloudpickle.register_pickle_by_value(sys.modules[__name__])
+        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # connections that a dead worker leaves behind
         dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.scheduler.worker-saturation": 1.0,
                          "distributed.comm.timeouts.connect": f"{CONNECT_S}s"})
         if self.scheduler and self.scheduler.startswith("tls:") and not dask.config.get("distributed.comm.tls.ca-file", None):
