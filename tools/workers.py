@@ -220,8 +220,8 @@ class Workers:
     def results(self, tasks, begin=None):
         """Yields a Done for each task, in the order in which they end; they begin in the order given.
 
-        begin(task): called here each time before a task goes to a worker, so twice where the first died; where it returns False,
-        the task is left out."""
+        begin(task): called here each time before a task goes to a worker, so twice where the first died. Where it returns False,
+        the task is left out; where it returns a task, that is done in its place."""
         waiting, deaths = collections.deque(tasks), collections.Counter()
         self.progress = Progress(len(waiting))
         alone_since = None
@@ -234,10 +234,11 @@ class Workers:
                 raise Wrong(f"no worker for {NO_WORKER_S} s: start one (dask worker {self.scheduler or ''}); the same command goes on")
             while waiting and len(self.running) < places:
                 task = waiting.popleft()
-                if begin and begin(task) is False:
+                given = begin(task) if begin else None
+                if given is False:
                     self.progress.count -= 1
                 else:
-                    self._submit(task)
+                    self._submit(task, given or task)
             self.progress.show(len(self.running))
             done = self._next() if self.running else None
             if done is None:
@@ -251,11 +252,10 @@ class Workers:
             yield done
         self.progress.clear()
 
-    def _submit(self, task):
-        root, module = str(ROOT), __name__
-        file = os.path.realpath(task.function.__code__.co_filename)
-        future = self.client.submit(_call, root, file, module, task.function.__name__, task.arguments, self.campaign, pure=False,
-                                    key=f"{task.name}-{uuid.uuid4().hex}")
+    def _submit(self, task, given):
+        file = os.path.realpath(given.function.__code__.co_filename)
+        future = self.client.submit(_call, str(ROOT), file, __name__, given.function.__name__, given.arguments, self.campaign,
+                                    pure=False, key=f"{task.name}-{uuid.uuid4().hex}")
         self.running[future.key] = task, future
         future.add_done_callback(self.ended.put)
 
@@ -293,11 +293,13 @@ class Workers:
             import dask
             import distributed
         except ModuleNotFoundError as missing:
-            raise Wrong(f"no Python package {missing.name}: sudo apt-get install python3-distributed")
+            raise Wrong(f"{sys.executable} has no package {missing.name}: sudo apt-get install python3-distributed, or, in an "
+                        "environment of its own, pip install distributed cryptography")
         cloudpickle.register_pickle_by_value(sys.modules[__name__])
         logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # connections that a dead worker leaves behind
         dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.scheduler.worker-saturation": 1.0,
-                         "distributed.comm.timeouts.connect": f"{CONNECT_S}s"})
+                         "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
+                         "distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []})
         if self.scheduler and self.scheduler.startswith("tls:") and not dask.config.get("distributed.comm.tls.ca-file", None):
             raise Wrong(f"--scheduler {self.scheduler}: no certificates; name them in DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
                         "..._TLS__CLIENT__CERT and ..._TLS__CLIENT__KEY")
@@ -318,7 +320,7 @@ class Workers:
         security = distributed.Security.temporary()
         self.cluster = distributed.LocalCluster(
             n_workers=self.jobs, threads_per_worker=1, processes=True, host="127.0.0.1", protocol="tls://", security=security,
-            dashboard_address=None, worker_dashboard_address=None, memory_limit=0, silence_logs=logging.CRITICAL,
+            dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False}, memory_limit=0, silence_logs=logging.CRITICAL,
             local_directory=self.scratch, preload=[str(ROOT / "tools" / "workers.py")])
         return self.cluster
 

@@ -12,6 +12,6 @@ def cluster(workers=2):
     import distributed
     dask.config.set({"distributed.scheduler.allowed-failures": 0})
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as scratch, distributed.LocalCluster(
-            n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address=None, memory_limit=0,
+            n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address="127.0.0.1:0", memory_limit=0,
             local_directory=scratch) as those:
         yield those.scheduler_address

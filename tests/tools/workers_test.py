@@ -15,6 +15,8 @@ import time
 import unittest
 from unittest import mock
 
+import psutil
+
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "tools"))
 import workers
 from workers import Task, Workers
@@ -128,6 +130,9 @@ class Promises(unittest.TestCase):
     def test_others_on_this_machine_cannot_use_its_workers(self):
         with Workers(1) as those:
             next(those.results([self.task("a", quick)]))
+            me = psutil.Process()
+            doors = {c.laddr.ip for p in (me, *me.children(recursive=True)) for c in p.connections() if c.status == psutil.CONN_LISTEN}
+            self.assertEqual(doors, {"127.0.0.1"})
             host, port = those.cluster.scheduler_address.removeprefix("tls://").split(":")
             context = ssl.create_default_context()
             context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
