@@ -108,8 +108,8 @@ def program(words, **how):
     with _lock:
         if campaign in _stopped:
             raise Stopped
-        child = subprocess.Popen(["setpriv", "--pdeathsig", "KILL", "--", *map(str, words)], stdin=subprocess.DEVNULL,
-                                 stdout=subprocess.DEVNULL, start_new_session=True, **how)
+        how = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, **how}
+        child = subprocess.Popen(["setpriv", "--pdeathsig", "KILL", "--", *map(str, words)], start_new_session=True, **how)
         _children[child.pid] = campaign
     try:
         yield child
@@ -317,11 +317,14 @@ class Workers:
         """Processes of one thread each. Only this program can use them: whoever reaches a scheduler runs what he likes as its
         user, and other users reach ports of this machine, so both sides show certificates that are made for the occasion."""
         self.scratch = tempfile.mkdtemp(prefix="tendril-workers-")
-        security = distributed.Security.temporary()
-        self.cluster = distributed.LocalCluster(
-            n_workers=self.jobs, threads_per_worker=1, processes=True, host="127.0.0.1", protocol="tls://", security=security,
-            dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False}, memory_limit=0, silence_logs=logging.CRITICAL,
-            local_directory=self.scratch, preload=[str(ROOT / "tools" / "workers.py")])
+        os.chmod(self.scratch, 0o711)  # programs that tasks run as another user have folders in it
+        door = {"host": "127.0.0.1", "protocol": "tls://", "security": distributed.Security.temporary(), "dashboard": False,
+                "dashboard_address": "127.0.0.1:0"}
+        worker = {"cls": distributed.Nanny, "options": {
+            **door, "nthreads": 1, "memory_limit": 0, "silence_logs": logging.CRITICAL, "local_directory": self.scratch,
+            "preload": [str(ROOT / "tools" / "workers.py")], "env": {"TMPDIR": self.scratch}}}
+        self.cluster = distributed.SpecCluster(workers={k: worker for k in range(self.jobs)}, security=door["security"],
+                                               scheduler={"cls": distributed.Scheduler, "options": door}, silence_logs=logging.CRITICAL)
         return self.cluster
 
     def _close(self):

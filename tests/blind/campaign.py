@@ -162,9 +162,9 @@ class Answers:
     def __enter__(self):
         return self
 
-    def __exit__(self, kind, error, trace):
+    def __exit__(self, *error):
         for name in list(self.at_work):
-            self.end(name, not_answered="stopped" + (f" with set {error.at}" if hasattr(error, "at") else ""))
+            self.end(name, not_answered="stopped")
 
     def planned(self, first):
         """A task for each sealed set that has no answer, in order."""
@@ -219,16 +219,15 @@ class Answers:
         if done.error:  # of this set alone, unless the command or the machine cannot be used at all; nothing is answered
             self.end(name, not_answered=str(done.error))
             if isinstance(done.error, Wrong):
-                raise at(done.error, name)
+                raise done.error
             self.not_answered(name, done.error)
             return
         report, run, how = done.value
         if run["exit_code"] in WRONG_USE:
             said = (run["error"].strip().splitlines() or ["it said nothing"])[-1]
             self.end(name, not_answered=f"exit code {run['exit_code']}: {said}")
-            raise at(Wrong(f"set {name}: the command was not run as it should be, exit code {run['exit_code']}: {said}; nothing was "
-                           "answered, only that it was begun is written down; mend the command (one that fails at a set has to exit "
-                           "with 1)"), name)
+            raise Wrong(f"set {name}: the command was not run as it should be, exit code {run['exit_code']}: {said}; nothing was answered, "
+                        "only that it was begun is written down; mend the command (one that fails at a set has to exit with 1)")
         self.answer(name, report, run, how)
 
     def answer(self, name, report, run, how):
@@ -260,11 +259,6 @@ class Answers:
         if (self.vault / LEDGER).exists():
             print(f"ledger of answers: {end_of(self.vault / LEDGER)}; note it elsewhere: score says it again", flush=True)
         return 1 if not self.good else 3 if self.failed or self.gone else 0
-
-
-def at(error, name):
-    error.at = name
-    return error
 
 
 def says_something(answer):
