@@ -306,12 +306,21 @@ class Workers:
         try:
             self.client = distributed.Client(self.scheduler or self._own_cluster(distributed), timeout=CONNECT_S, set_as_default=False)
             self.client.wait_for_workers(1, timeout=2 * CONNECT_S)
+            if self.scheduler:
+                self._remark_on_scheduler()
         except (OSError, TimeoutError, ValueError) as error:
             if not self.scheduler:
                 raise Wrong(f"the workers of this machine did not start: {type(error).__name__}: {error}")
             what = "it has no worker" if self.client else "no scheduler answers"
             raise Wrong(f"--scheduler {self.scheduler}: {what} ({error or type(error).__name__}); start them with `dask scheduler` and "
                         "`dask worker`, as docs/guides/campaigns.md says, or leave --scheduler out")
+
+    def _remark_on_scheduler(self):
+        """A cluster's scheduler may do tasks of dead workers again by itself, which then counts as one time here."""
+        again = self.client.run_on_scheduler(lambda dask_scheduler: dask_scheduler.allowed_failures)
+        if again:
+            print(f"remark: {self.scheduler} lets a task kill {again + 1} workers before it is told here; start it with "
+                  "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES=0", file=sys.stderr, flush=True)
 
     def _own_cluster(self, distributed):
         """Processes of one thread each. Only this program can use them: whoever reaches a scheduler runs what he likes as its
