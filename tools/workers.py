@@ -24,6 +24,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 MOST_DEATHS = 2      # of workers at one task: the second ends it
 CONNECT_S = 15
 NO_WORKER_S = 120    # without any worker, until it is an error
+FROM_OUTSIDE = (signal.SIGHUP, signal.SIGINT, signal.SIGKILL, signal.SIGTERM)  # ends of programs; crashes are their own
 QUIET_S = 30         # between two lines of progress where there is no terminal
 
 Task = collections.namedtuple("Task", "name function arguments")
@@ -35,7 +36,7 @@ class Wrong(Exception):
 
 
 class WorkerDied(Exception):
-    """A worker ended before its task did. A task raises it where it sees that it was begun before."""
+    """A worker, or what it ran, was ended before the task was. A task raises it where it sees that it was begun before."""
 
 
 class Stopped(Exception):
@@ -124,14 +125,17 @@ def program(words, **how):
 
 
 def run(words, timeout_s=None):
-    """(exit code, what the program said on the error stream); -1 where it took longer."""
+    """(exit code, what the program said on the error stream); 124 where it took longer. What is stopped from outside, as where
+    memory ends, is done again as if its worker had died."""
     with program(words, stderr=subprocess.PIPE, text=True, errors="replace") as child:
         try:
             said = child.communicate(timeout=timeout_s)[1]
-            return child.returncode, said
         except subprocess.TimeoutExpired:
             os.killpg(child.pid, signal.SIGKILL)
-            return -1, child.communicate()[1] + f"\nno answer within {timeout_s:.0f} s"
+            return 124, child.communicate()[1] + f"\nno answer within {timeout_s:.0f} s"
+        if -child.returncode in FROM_OUTSIDE:
+            raise WorkerDied(f"its program was stopped from outside ({signal.Signals(-child.returncode).name})")
+        return child.returncode, said
 
 
 # ---- in the planning process ----
@@ -195,6 +199,7 @@ class Workers:
         self.jobs, self.scheduler = jobs, scheduler
         self.campaign, self.client, self.cluster, self.scratch, self.running = uuid.uuid4().hex, None, None, None, {}
         self.ended = queue.SimpleQueue()
+        self.starting = self.interrupted = False  # processes that have begun to start can only be ended once they have
 
     def __enter__(self):
         here = threading.current_thread() is threading.main_thread()
@@ -215,7 +220,9 @@ class Workers:
         """The first ends the campaign; what comes while it is being ended must not cut that short."""
         for number in self.before:
             signal.signal(number, signal.SIG_IGN)
-        raise KeyboardInterrupt
+        self.interrupted = True
+        if not self.starting:
+            raise KeyboardInterrupt
 
     def results(self, tasks, begin=None):
         """Yields a Done for each task, in the order in which they end; they begin in the order given.
@@ -240,7 +247,7 @@ class Workers:
                 else:
                     self._submit(task, given or task)
             self.progress.show(len(self.running))
-            done = self._next() if self.running else None
+            done = self._next() if waiting or self.running else None
             if done is None:
                 continue
             if isinstance(done.error, WorkerDied) and deaths[done.task.name] + 1 < MOST_DEATHS:
@@ -272,7 +279,10 @@ class Workers:
         if task is None:
             return None
         if future.status == "finished":
-            return Done(task, future.result(), None)
+            try:
+                return Done(task, future.result(), None)
+            except Exception as error:  # the worker that holds it is gone, or it does not fit together here
+                return Done(task, None, WorkerDied(f"{task.name}: no result: {error}"))
         if future.status != "error":  # cancelled or lost: the scheduler went, and came back without its tasks
             return Done(task, None, WorkerDied(f"{task.name}: {future.status}"))
         error = future.exception()
@@ -296,7 +306,8 @@ class Workers:
             raise Wrong(f"{sys.executable} has no package {missing.name}: sudo apt-get install python3-distributed, or, in an "
                         "environment of its own, pip install distributed cryptography")
         cloudpickle.register_pickle_by_value(sys.modules[__name__])
-        logging.getLogger("asyncio").setLevel(logging.CRITICAL)  # connections that a dead worker leaves behind
+        for name in ("distributed.client", "asyncio"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)
         dask.config.set({"distributed.scheduler.allowed-failures": 0, "distributed.scheduler.worker-saturation": 1.0,
                          "distributed.comm.timeouts.connect": f"{CONNECT_S}s",
                          "distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []})
@@ -304,8 +315,12 @@ class Workers:
             raise Wrong(f"--scheduler {self.scheduler}: no certificates; name them in DASK_DISTRIBUTED__COMM__TLS__CA_FILE, "
                         "..._TLS__CLIENT__CERT and ..._TLS__CLIENT__KEY")
         try:
+            self.starting = not self.scheduler
             self.client = distributed.Client(self.scheduler or self._own_cluster(distributed), timeout=CONNECT_S, set_as_default=False)
             self.client.wait_for_workers(1, timeout=2 * CONNECT_S)
+            self.starting = False
+            if self.interrupted:
+                raise KeyboardInterrupt
             if self.scheduler:
                 self._remark_on_scheduler()
         except (OSError, TimeoutError, ValueError) as error:

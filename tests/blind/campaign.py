@@ -21,13 +21,12 @@ from tools.workers import Task, Workers, add_arguments
 def make(o):
     folder, vault = Path(o.campaign).absolute(), Path(o.vault or o.campaign.rstrip("/") + ".vault").absolute()
     may_be_vault(vault, folder)
-    kinds = begun(o, folder, vault)
-    todo = [(f"{k:04d}", kind) for k, kind in enumerate(kinds) if not (folder / "seals" / f"{k:04d}.json").exists()]
-    if not todo:
-        print(f"nothing to make: all {o.sets} sets are sealed", flush=True)
+    kinds, lost = begun(o, folder, vault), 0
     how = dict(folder=str(folder), vault=str(vault), effects=o.effects, families=o.families, mujoco=o.mujoco)
-    lost = 0
     with planning(folder, "make"), Workers(o.jobs, o.scheduler) as workers:
+        todo = [(f"{k:04d}", kind) for k, kind in enumerate(kinds) if not (folder / "seals" / f"{k:04d}.json").exists()]
+        if not todo:
+            print(f"nothing to make: all {o.sets} sets are sealed", flush=True)
         for done in workers.results(Task(name, make_one, (how, name, kind)) for name, kind in todo):
             if isinstance(done.error, (Wrong, ModuleNotFoundError)):
                 raise done.error

@@ -62,6 +62,14 @@ def begun_before(folder, name):
     return name, os.getpid()
 
 
+def killed_program(folder, name):
+    """As where memory ends, the first time."""
+    note(folder, name)
+    if len((pathlib.Path(folder) / name).read_text().splitlines()) == 1:
+        workers.run(["sh", "-c", "kill -9 $$"])
+    return workers.run(["sh", "-c", "echo why >&2; exit 3"]), workers.run(["sleep", "61.5"], 0.2)[0]
+
+
 def sleeps(folder, name):
     note(folder, name)
     workers.run(["sleep", "61.5"])
@@ -177,6 +185,9 @@ class OnACluster(Promises):
     def test_a_worker_that_dies_and_a_task_that_the_scheduler_began_again(self):
         begun = []
         with Workers(1, self.scheduler) as those:
+            killed, = those.results([self.task("killed", killed_program)])
+            self.assertEqual(killed.value, ((3, "why\n"), 124))
+            self.assertEqual(len(pids(self.folder, "killed")), 2)
             results = {r.task.name: r for r in those.results(
                 [self.task("bad", deadly), self.task("twice", begun_before), self.task("a", quick)], lambda task: begun.append(task.name))}
         self.assertIn("bad: 2 workers died at it", str(results["bad"].error))
