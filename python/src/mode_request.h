@@ -1,4 +1,4 @@
-// The requests of a program by name, as `tendril send` has them.
+// The requests of a program by name, as `tendril send` and `tendril home` have them.
 #pragma once
 
 #include <optional>
@@ -13,6 +13,7 @@ inline std::optional<ModeRequest> FindModeRequest(std::string_view name) {
   if (name == "disarm") return ModeRequest::kDisarm;
   if (name == "hold") return ModeRequest::kHold;
   if (name == "clear") return ModeRequest::kClear;
+  if (name == "home") return ModeRequest::kHome;
   return std::nullopt;
 }
 

@@ -174,6 +174,34 @@ class Client:
         """Stops the motion and stays there; `arm()` goes on."""
         return self._mode("hold", timeout)
 
+    def home(self, timeout: float = 120.0) -> str:
+        """Winds in the tendons' slack gently, pretensions, and sets displacement to zero; then holds, `arm()` goes on.
+
+        Waits until the robot is homed, at most `timeout` [s]; then, and on Ctrl-C, it disarms: nothing winds in unwatched.
+
+        Returns:
+            A line with the tensions now.
+        """
+        if _seconds("timeout", timeout) < 1:
+            raise ValueError(f"timeout is {timeout}; give 1 to 3600 s")
+        end = time.monotonic() + timeout
+        self._take_control()
+        try:
+            self._after(state_t.MODE_DISCONNECTED, end)  # a daemon or drives that are still starting
+            self._mode("home", 2.0)
+            self._after(state_t.MODE_CONFIGURED, time.monotonic() + 2.0)  # states come here later than the answer
+            state = self._after(state_t.MODE_HOMING, end)
+        except (KeyboardInterrupt, SystemExit):
+            self._disarm_quietly(0)
+            raise
+        if state.mode == state_t.MODE_HOMING:
+            self._disarm_quietly(0)
+            raise DaemonError(f"not homed within {timeout:g} s; the daemon was asked to disarm")
+        if state.mode != state_t.MODE_HOLD:
+            why = f"{state.status_text}; {state.status_remedy}" if state.status >= 400 else "aborted"
+            raise DaemonError(f"homing: {why}; mode {state.mode_text}")
+        return "homed; tensions now " + " ".join(f"{t:.2f}" for t in state.tension_measured_N) + " N; the robot holds"
+
     def clear(self, timeout: float = 2.0) -> str:
         """Acknowledges a fault."""
         return self._mode("clear", timeout)
@@ -357,6 +385,13 @@ class Client:
     def _following(self, number: int, timeout: float) -> tuple[int, bytes]:
         """The state after the `number`-th, with its number."""
         return self._await(timeout, lambda part: self._core.next(number, part))
+
+    def _after(self, mode: int, end: float) -> State:
+        """The first state in another mode, or the newest at `end` [s of the monotonic clock]."""
+        number, message = self._await(2.0, lambda part: self._core.state(0.5, part))
+        while (state := mirror(State, state_t.decode(message))).mode == mode and time.monotonic() < end:
+            number, message = self._following(number, 2.0)
+        return state
 
     def _until(self, modes: tuple[int, ...], timeout: float) -> None:
         """Until the newest state shows one of these modes."""

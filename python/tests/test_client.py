@@ -77,6 +77,28 @@ def test_bends_as_it_is_told_and_is_disarmed_on_leaving(robot):
         wait_until(client, lambda s: s.disarmed, "disarm")
 
 
+def test_homes_and_holds_until_armed(robot):
+    with tendril.Client() as client:
+        wait_until(client, lambda s: s.disarmed, "disarm")
+        assert "tensions now" in client.home()
+        state = client.state()
+        assert state.mode == messages.state_t.MODE_HOLD
+        assert np.all(state.tension_measured_N > 0.1)
+        with pytest.raises(tendril.DaemonError):
+            client.home()  # only a robot with its drives off is homed
+        with pytest.raises(ValueError, match="1 to 3600"):
+            client.home(timeout=0)
+        assert "running" in client.arm()
+
+
+def test_homing_that_takes_too_long_is_ended():
+    with simulated_robot("--effect", "slack m=0.004", prefix="SLACK"), tendril.Client(prefix="SLACK") as client:
+        wait_until(client, lambda s: s.mode == messages.state_t.MODE_CONFIGURED, "configured")  # before the second counts
+        with pytest.raises(tendril.DaemonError, match="not homed within 1 s"):
+            client.home(timeout=1)
+        wait_until(client, lambda s: s.disarmed, "disarm")
+
+
 def test_an_exception_disarms_too(robot):
     with pytest.raises(ZeroDivisionError), tendril.Client() as client:
         client.arm()

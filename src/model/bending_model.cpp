@@ -1,5 +1,6 @@
 #include "tendril/model/bending_model.h"
 
+#include <Eigen/QR>
 #include <algorithm>
 #include <vector>
 
@@ -60,6 +61,26 @@ BendingVector BendOfShortening(const Body& bending, const TendonVector& shorteni
   return bend_rad;
 }
 
+/// What a body's equilibria bend beyond the bend of `bending` whose tendons are as much shorter than straight
+/// as the body's than at the first load. Nothing where there is no equilibrium.
+std::vector<std::optional<BendingVector>> BeyondShortening(const Body& body, const Body& bending,
+                                                           const std::vector<Eigen::VectorXd>& loads) {
+  const TendonVector straight_m = ShorteningOf(bending, Eigen::VectorXd::Zero(bending.dof()));
+  std::optional<TendonVector> first_m;
+  std::vector<std::optional<BendingVector>> beyond;
+  for (const Eigen::VectorXd& tension_N : loads) {
+    const Equilibrium found = SolveStatics(body, tension_N, {});
+    beyond.emplace_back();
+    if (found.result != StaticsResult::kConverged) continue;
+    const TendonVector shortening_m = ShorteningOf(body, found.q);
+    if (!first_m) first_m = shortening_m;
+    BendingVector bend_rad(2 * body.sections());
+    body.SumBending(found.q, bend_rad);
+    beyond.back() = bend_rad - BendOfShortening(bending, straight_m + shortening_m - *first_m);
+  }
+  return beyond;
+}
+
 }  // namespace
 
 BodyParameters BendingModel(const BodyParameters& body) {
@@ -105,20 +126,17 @@ BendingMatrix UnseenBending(const RobotParameters& robot) {
   BendingMatrix unseen_rad2 = BendingMatrix::Zero(size, size);
   if (robot.body.BendsOnly()) return unseen_rad2;
   const Body body(robot.body), bending(BendingModel(robot.body));
-  const TendonVector straight_m = ShorteningOf(bending, Eigen::VectorXd::Zero(bending.dof()));
-  TendonVector least_m;  // the body's own shortening at the minimum tensions
-  int loads = 0;
-  for (const Eigen::VectorXd& tension_N : Loads(robot.limits, body.tendons())) {
-    const Equilibrium real = SolveStatics(body, tension_N, {});
-    if (real.result != StaticsResult::kConverged) continue;
-    const TendonVector shortening_m = ShorteningOf(body, real.q);
-    if (loads++ == 0) least_m = shortening_m;
-    BendingVector error_rad(size);
-    body.SumBending(real.q, error_rad);
-    error_rad -= BendOfShortening(bending, straight_m + shortening_m - least_m);
+  const std::vector<Eigen::VectorXd> loads = Loads(robot.limits, body.tendons());
+  const auto of_all = BeyondShortening(body, bending, loads),
+             of_bends = BeyondShortening(bending, bending, loads);
+  int counted = 0;
+  for (std::size_t i = 0; i < loads.size(); ++i) {
+    if (!of_all[i] || !of_bends[i]) continue;
+    const BendingVector error_rad = *of_all[i] - *of_bends[i];
     unseen_rad2 += error_rad * error_rad.transpose();
+    ++counted;
   }
-  if (loads > 0) unseen_rad2 /= loads;
+  if (counted > 0) unseen_rad2 /= counted;
   return unseen_rad2;
 }
 

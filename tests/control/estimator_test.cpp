@@ -10,6 +10,8 @@
 #include <random>
 
 #include "tendril/config/config.h"
+#include "tendril/model/bending_model.h"
+#include "tendril/model/statics.h"
 
 namespace tendril::control {
 namespace {
@@ -276,6 +278,83 @@ INSTANTIATE_TEST_SUITE_P(Robots, Covariance,
                                                           "four_tendon_90mm.yaml"),
                                           testing::Values(LoadCellPlace::kMotorSide,
                                                           LoadCellPlace::kRobotSide, LoadCellPlace::kNone)));
+
+// Sensors without noise of a body that tensions compress as much as they bend it. By the sensors alone the
+// error would be tens of deviations.
+TEST(CovarianceOf, ABodyThatShortensIsSeenAsWellAsItSays) {
+  RobotParameters soft = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rod_90mm.yaml");
+  soft.body.gravity_W_mps2.setZero();
+  soft.body.sections[0].axial_stiffness_N = 150;
+  for (auto& t : soft.actuation->tendons) t.transmission.pulleys.clear();
+  const RobotParameters robot = model::ControlModel(soft);
+  const model::Body real(soft.body), body(robot.body);
+  const auto& t = robot.actuation->tendons[0];
+  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
+      3, std::make_shared<const model::CapstanTable>(t.transmission, robot.limits.max_tension_motor_N));
+  const BendingMatrix unseen_rad2 = model::UnseenBending(soft);
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> tension(soft.limits.min_tension_N, soft.limits.max_tension_base_N);
+  const auto shortening_at = [&](const Eigen::VectorXd& tension_N, BendingVector& bend_rad) {
+    const model::Equilibrium found = model::SolveStatics(real, tension_N, {});
+    EXPECT_EQ(found.result, model::StaticsResult::kConverged);
+    real.SumBending(found.q, bend_rad);
+    TendonVector shortening_m(3);
+    real.TendonShortening(found.q, shortening_m);
+    return shortening_m;
+  };
+  BendingVector bend_rad(2);
+  const Eigen::VectorXd least_N = Eigen::VectorXd::Constant(3, soft.limits.min_tension_N);
+  const TendonVector least_m = shortening_at(least_N, bend_rad);
+
+  constexpr int kDraws = 200;
+  double square_rad2 = 0, by_sensors_rad2 = 0;
+  for (int draw = 0; draw < kDraws; ++draw) {
+    const Eigen::VectorXd tension_N = Eigen::VectorXd::NullaryExpr(3, [&] { return tension(random); });
+    const TendonVector pull_m =
+        shortening_at(tension_N, bend_rad) - least_m + (tension_N - least_N) / t.tendon.stiffness_Npm;
+    Estimator estimator(robot, body, tables, 1e-3, unseen_rad2);
+    CycleInput input;
+    input.drives = 3;
+    CycleOutput output = OutputOf(3);
+    estimator.ZeroDisplacement(input);
+    for (int j = 0; j < 3; ++j) {
+      auto& d = input.drive[static_cast<std::size_t>(j)];
+      d.position_counts = static_cast<std::int32_t>(std::lround(
+          pull_m[j] / t.SpoolTravelPerMotorRad() / (2 * std::numbers::pi) * t.drive.encoder_counts_per_turn));
+      d.analog_mV = static_cast<std::int16_t>(std::lround(1000 * t.load_cell.gain_VpN * tension_N[j]));
+    }
+    for (int i = 0; i < 4; ++i) estimator.Step(input, output);
+    square_rad2 += (output.bending_estimate_rad - bend_rad).squaredNorm() / kDraws;
+    by_sensors_rad2 += (output.bending_covariance_rad2 - unseen_rad2).trace() / kDraws;
+  }
+  const double ratio = square_rad2 / (by_sensors_rad2 + unseen_rad2.trace());
+  EXPECT_GT(square_rad2, 100 * by_sensors_rad2);
+  EXPECT_GT(ratio, 0.2);
+  EXPECT_LT(ratio, 1.5);
+}
+
+TEST(CovarianceOf, WhatTendonsDoNotSeeIsAdded) {
+  const RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
+  const model::Body body(robot.body);
+  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
+      3, std::make_shared<const model::CapstanTable>(robot.actuation->tendons[0].transmission,
+                                                     robot.limits.max_tension_motor_N));
+  BendingMatrix unseen_rad2(2, 2);
+  unseen_rad2 << 4e-3, 1e-3, 1e-3, 2e-3;
+  Estimator without(robot, body, tables, 1e-3), with(robot, body, tables, 1e-3, unseen_rad2);
+  CycleInput input;
+  input.drives = 3;
+  for (auto& d : input.drive) d.analog_mV = 800;
+  CycleOutput sensors = OutputOf(3), all = sensors;
+  without.ZeroDisplacement(input);
+  with.ZeroDisplacement(input);
+  // Twice, since what is added must not add up.
+  for (int i = 0; i < 2; ++i) {
+    without.Step(input, sensors);
+    with.Step(input, all);
+    EXPECT_LT((all.bending_covariance_rad2 - sensors.bending_covariance_rad2 - unseen_rad2).norm(), 1e-15);
+  }
+}
 
 TEST(CovarianceOf, FrictionThatHasNotBuiltUpIsUncertain) {
   RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");

@@ -62,6 +62,25 @@ TEST(BendingModel, ErrorOfTheTipIsThatOfTheMissingStrains) {
   EXPECT_GT(*WorstTipErrorOfBending(Rod(1e-4, 1e14, 1)), 1e-4);
 }
 
+TEST(UnseenBending, IsZeroWhereTheBodyOnlyBends) {
+  RobotParameters robot = Rod(1e-3, 1e4, 1);
+  robot.body = BendingModel(robot.body);
+  EXPECT_EQ(UnseenBending(robot), Eigen::Matrix2d::Zero());
+}
+
+TEST(UnseenBending, VanishesWithTheOtherStrains) {
+  EXPECT_LT(UnseenBending(Rod(1e8, 1e14, 1)).norm(), 1e-20);
+}
+
+// The tendons of a bent robot shorten a little in common, by an arc's height, so that those of one that
+// shortens by compression seem to bend. The second moment goes with the square of the compliance.
+TEST(UnseenBending, GoesWithTheSquareOfTheCompliance) {
+  const Eigen::Matrix2d soft = UnseenBending(Rod(1e8, 100, 1)), stiffer = UnseenBending(Rod(1e8, 1000, 1));
+  EXPECT_EQ(soft, soft.transpose());
+  EXPECT_GT(soft.trace(), 1e-3);
+  EXPECT_NEAR(soft.trace() / stiffer.trace(), 100, 25);
+}
+
 TEST(BendingModel, NoErrorWhereARobotHasNoEquilibrium) {
   RobotParameters robot = Rod(1e-3, 1e4, 1);
   robot.limits.max_tension_base_N = 1000;

@@ -141,7 +141,7 @@ struct CycleOutput {
   TendonVector tension_base_estimate_N; // at the robot's base
   TendonVector torque_measured_Nm;
   BendingVector bending_estimate_rad;
-  BendingMatrix bending_covariance_rad2;  // of its error, as far as the sensors make it; see control/estimator.h
+  BendingMatrix bending_covariance_rad2;  // of its error, see control/estimator.h
   Eigen::Vector3d tip_estimate_W_m{0, 0, 0};
   Eigen::Quaterniond orientation_estimate_WT{1, 0, 0, 0};
 

@@ -20,10 +20,11 @@ RobotParameters ControlModel(RobotParameters robot);
 /// tip force. None where one of the two has no equilibrium under any of these loads.
 std::optional<double> WorstTipErrorOfBending(const RobotParameters& robot);
 
-/// What the tendons' shortening does not show of the sections' bend where the body has other strains too: second
-/// moment [rad^2] of the body's own bend less the one in which the bending model has the same shortenings, both
-/// from where all tendons are at limits.min_tension_N, over the same loads without those that have no
-/// equilibrium. Zero for a body that only bends.
+/// What the tendons' shortening does not show of the sections' bend where the body has other strains too:
+/// second moment [rad^2] of the bend of its equilibria less that which the bending model has for the same
+/// shortenings since all tendons were at limits.min_tension_N, over the same loads; the error that the
+/// model's own equilibria have so (arcs of even curvature, the sag at the zero) is subtracted. Zero for a
+/// body that only bends; loads without an equilibrium do not count.
 BendingMatrix UnseenBending(const RobotParameters& robot);
 
 }  // namespace tendril::model
