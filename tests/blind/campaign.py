@@ -287,7 +287,8 @@ def at_least(least, kind):
 
 CODES = dict(  # exit codes, for --help
     make="0 every set is sealed; 1 a set could not be made",
-    diagnose="0 every sealed set is answered; 1 a set failed to answer or could not be answered; 3 none did so now, but sets failed before or their data are gone",
+    diagnose="0 every sealed set is answered; 1 a set failed to answer or could not be answered; 3 none did so now, but sets failed "
+             "before or their data are gone",
     again="0 the same data; 1 not to the last bit",
     score="0 counted, whatever came out; 1 a file could not be read or written; 141 what it printed to was closed")
 
