@@ -18,13 +18,12 @@ ROOT = Path(__file__).resolve().parents[2]
 TENDRIL = sys.argv.pop()
 
 
-def shards(*words, after=()):
-    """The same command for both shards, one after the other: beside it run other tests."""
-    for shard in ("1/2", "2/2"):
-        done = subprocess.run([sys.executable, "-B", "-m", "tests.blind.campaign", *map(str, words), "--shard", shard, *after],
-                              cwd=ROOT, capture_output=True, text=True)
-        if done.returncode:
-            raise AssertionError(done.stderr)
+def campaign(*words, after=()):
+    """The command on two workers; its error is the test's."""
+    done = subprocess.run([sys.executable, "-B", "-m", "tests.blind.campaign", *map(str, words), "--jobs", "2", *after], cwd=ROOT,
+                          capture_output=True, text=True)
+    if done.returncode:
+        raise AssertionError(done.stderr)
 
 
 class SmallCampaign(unittest.TestCase):
@@ -32,9 +31,9 @@ class SmallCampaign(unittest.TestCase):
         with tempfile.TemporaryDirectory() as scratch:
             Path(scratch).chmod(0o755)
             folder = Path(scratch) / "c"
-            shards("make", "--campaign", folder, "--sets", SETS, "--families", FAMILIES, "--effects", ",".join(EFFECTS),
-                   "--mujoco", "0.05")
-            shards("diagnose", "--campaign", folder, "--sets", SETS, after=[
+            campaign("make", "--campaign", folder, "--sets", SETS, "--families", FAMILIES, "--effects", ",".join(EFFECTS),
+                     "--mujoco", "0.05")
+            campaign("diagnose", "--campaign", folder, "--sets", SETS, after=[
                 "--", TENDRIL, "gap", "diagnose", "--robot", "{robot}", "--out", "{out}", "--no-next", "--threads", "1",
                 "--refits", "3", "--only", ",".join(EFFECTS + FREE), "{set}"])
             scored = subprocess.run([sys.executable, "-B", "-m", "tests.blind.campaign", "score", str(folder), "--json",

@@ -2,6 +2,7 @@
 import sys
 
 try:
+    import distributed  # noqa: F401
     import mujoco  # noqa: F401
     import numba  # noqa: F401
     import numpy  # noqa: F401

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from tests.blind.figures import picture, table
 from tests.blind.seal import (HEAD, LEDGER, OPENED, NotRun, Wrong, diagnose_one, digest, end_of, enter, entered, listed, now,
-                              parts_of, seal_of, seal_sha, sha, shard_ids, vault_of, write_once)
+                              ids_of, parts_of, seal_of, seal_sha, sha, vault_of, write_once)
 
 CONFIDENT = 0.9
 VERDICTS = ("no_gap", "attributed", "ambiguous_group", "unexplained", "insufficient_data")
@@ -297,7 +297,7 @@ def opened(folder, vault, oracle):
     sealed = sorted(p.stem for p in (folder / "seals").glob("*.json"))
     ledger = Ledger(entered(vault / LEDGER, folder / HEAD))
     parts, notes = parts_of(vault), []
-    drawn = {f"{k:04d}" for part, whole, count in parts for k in shard_ids(count, f"{part}/{whole}")}
+    drawn = {f"{k:04d}" for part in parts for k in ids_of(*part)}
     gone = ({p.stem for p in vault.glob("*.json")} | {name.removesuffix("_followup") for name in ledger.given}) - set(sealed)
     opening = Opening(folder, vault, oracle, ledger)
     opening.refusals += [(name, "its seal is gone") for name in sorted(gone)]
@@ -414,7 +414,7 @@ def score(o):
     print(f"{len(sets)} sealed sets, {len(refusals)} refused")
     if bare:
         print(f"Of {len(bare)} the record holds no seal, so that none was checked: {listed(bare)}")
-    for whole, count in sorted({part[1:] for part in parts}):
+    for whole, count in sorted({part[1:] for part in parts if part[1] > 1}):  # of earlier campaigns, which were made by hand in parts
         there = sorted(part[0] for part in parts if part[1:] == (whole, count))
         print(f"Parts of {count} sets: {', '.join(map(str, there))} of {whole}")
     for campaign, note in notes:

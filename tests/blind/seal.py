@@ -14,17 +14,18 @@ import tempfile
 import time
 from pathlib import Path
 
+from tools import workers
+from tools.workers import Wrong
 
 LEDGER = "answers.ledger"  # in the vault: what was begun and answered, in order
 OPENED = "score"  # name of its lines that say when seals were opened
 HEAD = "ledger.head"  # in the campaign: how far the ledger had come, so that lines taken off its end show
 WRONG_USE = (2, 126, 127)  # exit codes of a command that was called wrongly, may not be run or is not there
 MOST_BYTES = 200_000_000  # of a report
+KEEP = (  # of a report
+    "verdict", "sentence", "location", "causes", "accepted", "closed", "leftover_sigma", "confusable", "baselines",
+    "degradations", "provenance")
 OTHER_USER = 65534  # as whom root lets the command run: nobody
-
-
-class Wrong(Exception):
-    pass
 
 
 class NotRun(RuntimeError):
@@ -39,12 +40,9 @@ def now():
     return time.time_ns()
 
 
-def shard_ids(count, shard):
-    part, _, whole = shard.partition("/")
-    number = lambda t: t.isascii() and t.isdecimal()
-    if not (number(part) and number(whole) and 1 <= int(part) <= int(whole)):
-        raise Wrong(f"--shard {shard}: write i/n with 1 <= i <= n, such as 2/8")
-    return [k for k in range(count) if k % int(whole) == int(part) - 1]
+def ids_of(part, whole, count):
+    """Numbers of the sets in a part of a campaign; those of today have one."""
+    return range(part - 1, count, whole)
 
 
 def parts_of(vault):
@@ -64,19 +62,15 @@ def write_once(path, text):
 
 
 @contextlib.contextmanager
-def mine(path):
-    """Whether nobody else is at what this file stands for; until the block or the process ends, nobody comes to be."""
-    with open(path, "w") as file:
+def planning(folder, what):
+    """Only one process at a time plans a campaign and writes its ledger. The lock ends with the process."""
+    with open(folder / f".{what}.lock", "w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            print(f"{path.name.split('.')[1]}: another process is at it, left to that", flush=True)
-            yield False
-            return
-        try:
-            yield True
-        finally:
-            path.unlink(missing_ok=True)  # who waits with the file that is gone finds the work done
+            raise Wrong(f"{folder}: another gap_blind {what} is at this campaign; wait for it, or stop it and begin again with more "
+                        "workers (--jobs, --scheduler)")
+        yield
 
 
 def digest(folder):
@@ -179,10 +173,9 @@ def confined(vault, campaign):
     vault, campaign = vault.resolve(), campaign.resolve()  # the command runs in a folder of its own
     there = vault.exists()
     files = sorted(map(str, vault.iterdir())) if there else []
-    if not there:
-        print(f"{vault} is not on this machine: nothing to hide", flush=True)
     if os.geteuid() == 0:
-        prefix, how = ["setpriv", f"--reuid={OTHER_USER}", f"--regid={OTHER_USER}", "--clear-groups", "--no-new-privs"], "other user"
+        # A change of user undoes what workers.program had the kernel do where the worker dies.
+        prefix, how = ["setpriv", "--pdeathsig=KILL", f"--reuid={OTHER_USER}", f"--regid={OTHER_USER}", "--clear-groups", "--no-new-privs"], "other user"
     elif there:
         # What may mount may also unmount: its rights go once both folders are covered.
         prefix, how = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c",
@@ -234,19 +227,30 @@ def vault_of(folder, named):
 def run_once(words, work, timeout_s):
     """(exit code, end of stderr); what it has started ends with it."""
     with tempfile.TemporaryFile() as err:  # without a name, so that the command cannot put something else in its place
-        done = subprocess.Popen(words, cwd=work, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=err, start_new_session=True,
-                                env={"PATH": os.environ["PATH"], "HOME": str(work)})
-        try:
-            code = done.wait(timeout_s)
-        except subprocess.TimeoutExpired:
-            code = None
-        finally:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(done.pid, signal.SIGKILL)
-            done.wait()
+        with workers.program(words, cwd=work, stderr=err, env={"PATH": os.environ["PATH"], "HOME": str(work)}) as done:
+            try:
+                code = done.wait(timeout_s)
+            except subprocess.TimeoutExpired:
+                code = None
         err.seek(max(0, err.seek(0, os.SEEK_END) - 2000))
         text = err.read().decode(errors="replace")
     return (124, f"more than {timeout_s} s") if code is None else (code, text)
+
+
+def run_sealed(data, command, program_sha256, vault, folder, claim, timeout_s):
+    """A task: what the command answers to one set, and how the answers were hidden from it: (report or None, facts, how).
+
+    claim: a file of this one beginning, which the ledger knows of. Where it is there already, a worker died at it, and it is for
+    the planning process to write down that it is begun again."""
+    try:
+        open(claim, "x").close()
+    except FileExistsError:
+        raise workers.WorkerDied
+    if sha(Path(command[0]).read_bytes()) != program_sha256:
+        raise NotRun(f"{command[0]} is another program where the worker runs")
+    prefix, how = confined(Path(vault), Path(folder))
+    report, run = diagnose_one(command, data, prefix, timeout_s)
+    return report and {key: report[key] for key in KEEP if key in report}, run, dict(confined=bool(prefix), vault=how)
 
 
 def diagnose_one(command, folder, prefix, timeout_s):

@@ -18,7 +18,11 @@ from unittest import mock
 
 import numpy as np
 
-from tests.blind import campaign, figures, score, seal
+import psutil
+
+from tests.blind import campaign, draw, figures, score, seal
+from tests.tools.cluster import cluster
+from tools import workers
 
 SPY = """
 import json, pathlib, sys
@@ -39,8 +43,10 @@ TRUE = ["/bin/true", "{set}", "{out}"]
 
 
 def ran(*words):
-    """(exit code, what was printed)"""
+    """(exit code, what was printed); on workers that all tests of this file share."""
     out = io.StringIO()
+    if words[0] in ("make", "diagnose"):
+        words = words[0], "--scheduler", Seal.scheduler, *words[1:]
     with mock.patch.object(sys, "argv", ["gap_blind", *map(str, words)]), contextlib.redirect_stdout(out):
         code = campaign.main()
     return code, out.getvalue()
@@ -53,12 +59,12 @@ def run(*words):
 class Seal(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
+        cls.scheduler = cls.enterClassContext(cluster())
         cls.scratch = tempfile.TemporaryDirectory()
         cls.folder = Path(cls.scratch.name) / "c"
         Path(cls.scratch.name).chmod(0o755)
         with mock.patch.object(campaign, "kinds_of", lambda n, rng: ["null"] * n):
-            for shard in ("1/2", "2/2"):
-                run("make", "--campaign", cls.folder, "--sets", 2, "--families", 2, "--mujoco", 0, "--shard", shard)
+            run("make", "--campaign", cls.folder, "--sets", 2, "--families", 2, "--mujoco", 0)
         cls.vault = Path(str(cls.folder) + ".vault")
         spy = [sys.executable if sys.executable.startswith("/usr") else "/usr/bin/python3", "-c", SPY, "{set}", "{out}",
                str(cls.vault), str(cls.folder)]
@@ -96,7 +102,6 @@ class Seal(unittest.TestCase):
         text = run("score", self.folder, "--record", record)
         self.assertEqual(len(record.read_text().splitlines()), 4)
         self.assertEqual(run("score", record), text.replace(f"{self.folder}:", f"{record}:"))
-        self.assertIn("Parts of 2 sets: 1, 2 of 2", text)
         with self.assertRaisesRegex(campaign.Wrong, "set 0000 is in it or in what was named before"):
             run("score", record, self.folder)
         with self.assertRaisesRegex(campaign.Wrong, "is there already"):
@@ -272,8 +277,10 @@ class Seal(unittest.TestCase):
     def test_lines_taken_off_the_end_of_the_ledger_show(self):
         with self.copied() as (folder, vault):
             ledger, lines = vault / seal.LEDGER, (vault / seal.LEDGER).read_text().splitlines(True)
-            self.assertEqual([set(json.loads(line)) - {"name", "before", "seal_sha256"} for line in lines[:4]],
-                             [{"begun_ns", "program_sha256"}, {"sha256"}] * 2)
+            kinds = [(json.loads(line)["name"], "answered" if "sha256" in json.loads(line) else "begun") for line in lines[:4]]
+            self.assertEqual([name for name, kind in kinds if kind == "begun"], ["0000", "0001"])  # in order
+            for name in ("0000", "0001"):
+                self.assertEqual([kind for of, kind in kinds if of == name], ["begun", "answered"])
             self.assertTrue(all("opened_ns" in json.loads(line) for line in lines[4:]))  # by the tests before this one
             name = json.loads(lines[3])["name"]
             (folder / "answers" / f"{name}.json").unlink()
@@ -338,7 +345,7 @@ class Seal(unittest.TestCase):
             self.assertEqual((vault / seal.LEDGER).read_text().splitlines(), lines)
             for code in (2, 126, 127):
                 with self.assertRaisesRegex(campaign.Wrong, f"set 0000: .* exit code {code}: no such flag; nothing was answered"):
-                    run("diagnose", "--campaign", folder, "--", "/bin/sh", "-c",
+                    run("diagnose", "--campaign", folder, "--sets", 1, "--", "/bin/sh", "-c",
                         f"echo beginning >&2; echo no such flag >&2; exit {code}", "{set}", "{out}")
             self.assertEqual(list((folder / "answers").iterdir()), [])
             lines = [json.loads(line) for line in (vault / seal.LEDGER).read_text().splitlines()[len(lines):]]
@@ -366,7 +373,7 @@ class Seal(unittest.TestCase):
         with self.copied() as (folder, vault):
             code, text = ran("diagnose", "--campaign", folder, "--", *TRUE)
             self.assertEqual(code, 0)
-            self.assertIn("nothing to diagnose: every sealed set of this part is answered", text)
+            self.assertIn("nothing to diagnose: every sealed set is answered", text)
             shutil.rmtree(folder / "sets" / "0000")
             self.assertIn("the data of 1 are gone, and were not compared with the seals: 0000", run("score", folder))
             (folder / "answers" / "0000.json").unlink()
@@ -404,14 +411,12 @@ class Seal(unittest.TestCase):
             run("score", self.folder, "--picture", self.folder.parent / "x.png", "--record", record, "--json", numbers)
         self.assertFalse(record.exists() or numbers.exists())
 
-    def test_a_part_with_nothing_in_it_says_so(self):
-        with self.copied() as (folder, vault):
-            self.assertIn("--shard 3/3: no sealed set is in this part",
-                          run("diagnose", "--campaign", folder, "--shard", "3/3", "--", *TRUE))
-        words = ["make", "--campaign", self.folder, "--sets", 2, "--shard", "1/2"]
-        self.assertIn("nothing to make: all 1 sets of this part are sealed", run(*words))
-        self.assertIn("--shard 3/3: of 2 sets none is in this part",
-                      run("make", "--campaign", self.folder.parent / "few", "--sets", 2, "--shard", "3/3"))
+    def test_what_is_made_is_not_made_again(self):
+        before = seal.digest(self.folder / "sets" / "0000")
+        self.assertIn("nothing to make: all 2 sets are sealed", run("make", "--campaign", self.folder, "--sets", 2))
+        how = dict(folder=str(self.folder), vault=str(self.vault), effects=None, families=2, mujoco=0)  # its worker died after sealing
+        self.assertEqual(draw.make_one(how, "0000", "null"), json.loads((self.folder / "seals" / "0000.json").read_text())["answer_sha256"])
+        self.assertEqual(seal.digest(self.folder / "sets" / "0000"), before)
 
     def test_who_stops_reading_has_the_record_all_the_same(self):
         record = self.folder.parent / "head.jsonl"
@@ -443,9 +448,9 @@ class Seal(unittest.TestCase):
                 (vault / seal.LEDGER).write_text(garbage + "\n")
                 with self.assertRaisesRegex(campaign.Wrong, "answers.ledger:1: not a line of a ledger .*put the ledger back"):
                     run("score", folder)
-            self.rewrite(vault / "1_of_2_of_2.kinds", '["nul')
-            with self.assertRaisesRegex(campaign.Wrong, "1_of_2_of_2.kinds: not the kinds .*put it back"):
-                run("make", "--campaign", folder, "--vault", vault, "--sets", 2, "--shard", "1/2")
+            self.rewrite(vault / "1_of_1_of_2.kinds", '["nul')
+            with self.assertRaisesRegex(campaign.Wrong, "1_of_1_of_2.kinds: not the kinds .*put it back"):
+                run("make", "--campaign", folder, "--vault", vault, "--sets", 2)
         bad = self.folder.parent / "bad_head.jsonl"
         for head in ('{"lines": 1, "parts": []}', '{"lines": 1, "sha256": "", "parts": [[1]]}', '{"lines": 1, "sha256": "", "parts": 1}'):
             bad.write_text(head + '\n{"refused": ["0001", "why"]}\n')
@@ -461,7 +466,7 @@ class Seal(unittest.TestCase):
             self.assertIn(says, " ".join(said.getvalue().split()))
 
     def test_a_set_that_is_taken_out_whole_is_missed(self):
-        for also in ((), ("1_of_2_of_2.kinds",), (seal.LEDGER,)):  # either tells that it was there
+        for also in ((), ("1_of_1_of_2.kinds",), (seal.LEDGER,)):  # either tells that it was there
             with self.copied() as (folder, vault):
                 for path in (folder / "seals" / "0000.json", folder / "answers" / "0000.json", vault / "0000.json"):
                     path.unlink()
@@ -484,15 +489,87 @@ class Seal(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "closed"):
             score.check_closed(dict(pooled=dict(value="all")))
 
-    def test_parts_of_another_whole_are_refused(self):
-        for sets, shard in ((2, "1/3"), (4, "1/2"), (4, "01/4")):
-            with self.assertRaisesRegex(campaign.Wrong, "begun as 2 parts of 2 sets"):
-                run("make", "--campaign", self.folder, "--sets", sets, "--shard", shard)
+    def test_another_number_of_sets_is_refused(self):
+        with self.assertRaisesRegex(campaign.Wrong, "begun with 2 sets; .* or --sets 2"):
+            run("make", "--campaign", self.folder, "--sets", 4)
+
+    def test_campaigns_that_were_made_in_parts_still_count(self):
+        with self.copied() as (folder, vault):
+            (vault / "1_of_1_of_2.kinds").rename(vault / "1_of_2_of_3.kinds")  # sets 0000 and 0002; 0001 is of the other part
+            text = run("score", folder)
+            self.assertIn("Parts of 3 sets: 1 of 2", text)
+            self.assertIn("0002: drawn, not made", text)
+            with self.assertRaisesRegex(campaign.Wrong, "begun with 3 sets in 2 parts"):
+                run("make", "--campaign", folder, "--vault", vault, "--sets", 3)
+
+    @contextlib.contextmanager
+    def six_sets(self):
+        """A sealed campaign of the same robot without a gap, six times, of which none is answered."""
+        with tempfile.TemporaryDirectory() as scratch:
+            Path(scratch).chmod(0o755)
+            folder, vault = Path(scratch) / "c", Path(scratch) / "c.vault"
+            for made in (folder / "seals", vault):
+                made.mkdir(parents=True)
+            vault.chmod(0o700)
+            for name in (f"{k:04d}" for k in range(6)):
+                shutil.copytree(self.folder / "sets" / "0000", folder / "sets" / name)
+                text = (self.vault / "0000.json").read_text().replace('"id": "0000"', f'"id": "{name}"')
+                seal.write_once(vault / f"{name}.json", text)
+                sealed = json.loads((self.folder / "seals" / "0000.json").read_text())
+                sealed = dict(sealed, id=name, answer_sha256=seal.sha(text.encode()), sealed_ns=seal.now())
+                seal.write_once(folder / "seals" / f"{name}.json", json.dumps(sealed) + "\n")
+            yield folder, vault
+
+    def test_one_of_two_workers_is_killed_and_each_set_is_answered_once(self):
+        report = json.dumps(dict(verdict="no_gap", location=[], causes=[dict(effect="no_gap", where="", p=0.7)]))
+        command = ["/bin/sh", "-c", f"sleep 0.83; echo '{report}' > $0/report.json", "{out}", "{set}"]
+        with self.six_sets() as (folder, vault):
+            ledger = vault / seal.LEDGER
+            planner = subprocess.Popen([sys.executable, "-B", "-m", "tests.blind.campaign", "diagnose", "--campaign", folder, "--jobs", "2",
+                                        "--", *command], cwd=campaign.ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+            victim = None
+            while victim is None and planner.poll() is None:  # a worker that is at its second set or a later one
+                time.sleep(0.02)
+                if ledger.exists() and ledger.read_text().count('"begun_ns"') >= 4:
+                    victim = next((p.parent() for p in psutil.Process(planner.pid).children(recursive=True)
+                                   if self.is_command(p)), None)
+            self.assertIsNotNone(victim, "no worker was seen at work")
+            victim.kill()
+            said = planner.communicate(timeout=120)[0]
+            self.assertEqual(planner.returncode, 0, said)
+            lines = [json.loads(line) for line in ledger.read_text().splitlines()]
+            names = [f"{k:04d}" for k in range(6)]
+            self.assertEqual(sorted(line["name"] for line in lines if "sha256" in line), names)  # each answered, and once
+            dead = [line["name"] for line in lines if line.get("not_answered") == "its worker died"]
+            self.assertEqual(len(dead), 1)
+            begun = [line["name"] for line in lines if "begun_ns" in line]
+            again = len(begun) - 1 - begun[::-1].index(dead[0])
+            self.assertEqual(begun[:again] + begun[again + 1:], names)  # as planned, and that one once more
+            self.assertEqual([p.name for p in (folder / "answers").iterdir() if p.name.startswith(".")], [])
+            text = run("score", folder)
+            self.assertIn("6 sealed sets, 0 refused", text)
+            self.assertIn(f"begun more than once, as what was stopped may be: {dead[0]} (2 times)", text)
+            for name in names:
+                sealed, answer = (json.loads((folder / where / f"{name}.json").read_text()) for where in ("seals", "answers"))
+                self.assertLess(sealed["sealed_ns"], answer["started_ns"])
+
+    @staticmethod
+    def is_command(process):
+        with contextlib.suppress(psutil.Error):
+            return process.name() == "sh" and any("sleep 0.83" in word for word in process.cmdline())
+
+    def test_a_beginning_that_the_ledger_does_not_know_of_is_refused(self):
+        """As where a cluster's scheduler does a task again by itself."""
+        claim = self.folder.parent / "claim"
+        words = (self.folder / "sets" / "0000", TRUE, seal.sha(Path(TRUE[0]).read_bytes()), self.vault, self.folder, claim, 60)
+        self.assertIsNone(seal.run_sealed(*words)[0])
+        with self.assertRaises(workers.WorkerDied):
+            seal.run_sealed(*words)
 
     def test_what_is_terminated_ends_what_it_runs_and_answers_nothing(self):
         with self.copied() as (folder, vault):
             (folder / "answers" / "0000.json").unlink()
-            program = subprocess.Popen([sys.executable, "-B", "-m", "tests.blind.campaign", "diagnose", "--campaign", folder, "--sets", "1",
+            program = subprocess.Popen([sys.executable, "-B", "-m", "tests.blind.campaign", "diagnose", "--campaign", folder, "--jobs", "1",
                                         "--", "/bin/sh", "-c", "exec /bin/sleep 61.7", "{set}", "{out}"], cwd=campaign.ROOT,
                                        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
             def working():
@@ -636,17 +713,14 @@ class Seal(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         self.assertTrue(picture.read_bytes().startswith(b"\x89PNG"))
 
-    def test_two_at_one_set_do_it_once(self):
-        lock = self.folder / "seals" / ".0007.lock"
-        with seal.mine(lock) as first:
-            self.assertTrue(first)
-            text = io.StringIO()
-            with contextlib.redirect_stdout(text), seal.mine(lock) as second:
-                self.assertFalse(second)
-            self.assertIn("0007: another process", text.getvalue())
-        with seal.mine(lock) as again:
-            self.assertTrue(again)
-        self.assertFalse(lock.exists())
+    def test_only_one_plans_a_campaign(self):
+        for what, words in (("make", ["make", "--sets", 2]), ("diagnose", ["diagnose"])):
+            with self.copied() as (folder, vault), seal.planning(folder, what):
+                with self.assertRaisesRegex(campaign.Wrong, f"another gap_blind {what} is at this campaign"):
+                    run(words[0], "--campaign", folder, "--vault", vault, *words[1:], *(["--", *TRUE] if what == "diagnose" else []))
+        with self.copied() as (folder, vault):  # not for ever
+            for _ in range(2):
+                self.assertEqual(ran("make", "--campaign", folder, "--vault", vault, "--sets", 2)[0], 0)
 
     def test_effects_that_there_are_not_are_refused(self):
         with self.assertRaisesRegex(campaign.Wrong, "no nothing; accepted: .*backlash"):

@@ -46,8 +46,9 @@ class GapNumbers(unittest.TestCase):
             tendril = here / "tendril"
             tendril.write_text(FAKE)
             tendril.chmod(tendril.stat().st_mode | stat.S_IXUSR)
-            done = subprocess.run([NUMBERS, "--robot", here / "robot.yaml", "--data", here, "--out", here / "out",
-                                   "--tendril", tendril, "--factors", "1.5,0.5"], capture_output=True, text=True, check=False)
+            words = [NUMBERS, "--robot", here / "robot.yaml", "--data", here, "--out", here / "out", "--tendril", tendril,
+                     "--factors", "1.5,0.5", "--jobs", "2"]
+            done = subprocess.run(words, capture_output=True, text=True, check=False)
             self.assertEqual(done.returncode, 1, done.stderr)  # another cause was accused
             rows = (here / "out" / "table.md").read_text().splitlines()
             self.assertIn("| body.sections.1.unit_mass_kg | named | named |", rows)
@@ -55,6 +56,12 @@ class GapNumbers(unittest.TestCase):
             self.assertIn("| body.sections.1.youngs_modulus_Pa | WRONG: tip_force | WRONG: tip_force |", rows)
             self.assertIn("| actuation.spool.radius_m | unknown | refused |", rows)
             self.assertEqual(rows[-1], "8 cases, 2 with another cause accused above 0.5.")
+            # What is there is not done again: now by a program that could not.
+            tendril.write_text("#!/bin/sh\ntest $1 = config\n")
+            (here / "out" / "cases" / "actuation.gear.ratio_x1.5.json").unlink()
+            again = subprocess.run(words, capture_output=True, text=True, check=False)
+            self.assertIn("8/8 actuation.gear.ratio x 1.5: refused", again.stdout)
+            self.assertEqual(len(list((here / "out" / "cases").iterdir())), 8)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,8 @@ import tempfile
 import time
 import unittest
 
+from cluster import cluster
+
 TABLE = pathlib.Path(__file__).resolve().parent.parent.parent / "tools" / "gap_table"
 
 # Finds what is planted, but: calls `late` `lag` or says that it may be either, sees no `faint` below 3 floors, cannot
@@ -84,6 +86,10 @@ else:
 
 
 class GapTable(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.scheduler = cls.enterClassContext(cluster())
+
     def setUp(self):
         temporary = tempfile.TemporaryDirectory()
         self.addCleanup(temporary.cleanup)
@@ -94,9 +100,10 @@ class GapTable(unittest.TestCase):
         (self.folder / "robot.yaml").write_text("")
         self.out = self.folder / "out"
 
-    def run_table(self, *arguments):
+    def run_table(self, *arguments, where=None):
         return subprocess.run(["/usr/bin/python3", "-B", str(TABLE), "--tendril", str(self.tendril), "--robot",
-                               str(self.folder / "robot.yaml"), "--out", str(self.out), *arguments],
+                               str(self.folder / "robot.yaml"), "--out", str(self.out),
+                               *(where or ("--scheduler", self.scheduler)), *arguments],
                               capture_output=True, text=True, timeout=100)
 
     def calls(self, word):
@@ -197,15 +204,22 @@ class GapTable(unittest.TestCase):
         self.assertEqual(done.returncode, 2)
         self.assertIn("record.jsonl:1: not a line of a record", done.stderr)
 
-    def test_shards_make_one_table(self):
+    def test_workers_of_this_machine_make_the_same_table(self):
         options = ("--effects", "stiff,late", "--nulls", "3", "--numbers", "1", "--pairs", "0")
-        for part in ("1/3", "2/3", "3/3"):
-            self.assertEqual(self.run_table(*options, "--shard", part).returncode, 0)
-        self.assertEqual(json.loads((self.out / "summary.json").read_text())["missing"], 0)
-        self.assertEqual(self.calls("gap simulate"), 6 + 3 + 1)
-        count = self.calls("gap simulate")
+        tables = []
+        for where in (("--jobs", "2"), ("--scheduler", self.scheduler)):
+            self.assertEqual(self.run_table(*options, where=where).returncode, 0)
+            self.assertEqual(json.loads((self.out / "summary.json").read_text())["missing"], 0)
+            tables.append(self.rows())
+            for row in tables[-1].values():
+                row.pop("seconds")
+            shutil.move(self.out, f"{self.out}{len(tables)}")
+        self.assertEqual(*tables)
+        self.assertEqual(list(tables[0]), list(tables[1]))  # in the same order
+        self.assertEqual(self.calls("gap simulate"), 2 * (6 + 3 + 1))
+        shutil.move(f"{self.out}1", self.out)
         self.assertEqual(self.run_table(*options, "--only-table").returncode, 0)
-        self.assertEqual(self.calls("gap simulate"), count)
+        self.assertEqual(self.calls("gap simulate"), 2 * (6 + 3 + 1))
 
     def test_a_case_that_fails_is_named_and_the_others_are_made(self):
         done = self.run_table("--effects", "stiff,stuck", "--sigma", "3", "--nulls", "0", "--numbers", "0", "--pairs", "0")
@@ -226,8 +240,8 @@ class GapTable(unittest.TestCase):
 
     def test_wrong_use_is_told(self):
         for arguments, says in ((("--effects", "gremlins"), "no effect 'gremlins'"), (("--sigma", "0"), "expected sizes"),
-                                (("--sigma", "a"), "expected sizes"), (("--shard", "4/3"), "expected a part"),
-                                (("--jobs", "0"), "1 or more"), (("--robot", "gone.yaml"), "gone.yaml: no such file"),
+                                (("--sigma", "a"), "expected sizes"), (("--scheduler", "cluster"), "expected tcp://HOST:PORT"),
+                                (("--jobs", "0"), "from 1 to 1000"), (("--robot", "gone.yaml"), "gone.yaml: no such file"),
                                 (("--tendril", "gone"), "no tendril program found"), (("--nulls", "-1"), "0 to 1000"),
                                 (("--effects", "none", "--nulls", "0", "--numbers", "0", "--pairs", "0"), "no cases: "),
                                 (("--only-table",), "--only-table: none of the ")):
@@ -236,8 +250,6 @@ class GapTable(unittest.TestCase):
             self.assertIn(says, done.stderr)
             self.assertNotIn("Traceback", done.stderr)
             self.assertFalse(self.out.exists())
-        done = self.run_table("--effects", "stiff", "--sigma", "3", "--nulls", "1", "--numbers", "0", "--pairs", "0", "--shard", "3/3")
-        self.assertEqual((done.returncode, done.stdout), (0, "--shard 3/3: of 2 cases none is in this part\n"))
 
     def test_stopped_by_hand_it_leaves_a_table(self):
         self.tendril.write_text(FAKE.replace("import json, pathlib, sys", "import json, pathlib, sys, time\nif sys.argv[2] == 'diagnose' and '_10' in sys.argv[5]: time.sleep(60)"))
