@@ -70,6 +70,15 @@ std::unique_ptr<control::Controller> MakeController(const io::RunInfo& run,
       robot ? *robot : config::ParseRobot(run.robot_yaml, "log's robot file"), p.controller, p.bus.cycle_ns);
 }
 
+/// Of what a controller makes of the drives' values of the same cycle alone, but for a zero.
+bool ReadingsDiffer(const CycleOutput& a, const CycleOutput& b) {
+  Comparison c;
+  c.Vector("", a.displacement_m, b.displacement_m);
+  c.Vector("", a.tension_measured_N, b.tension_measured_N);
+  c.Vector("", a.torque_measured_Nm, b.torque_measured_Nm);
+  return c.found.has_value();
+}
+
 }  // namespace
 
 std::optional<Difference> FirstDifference(const CycleOutput& a, const CycleOutput& b) {
@@ -136,7 +145,7 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
       [&](const CycleRecord& record, std::uint64_t offset) {
         const std::uint64_t cycle = record.input.cycle;
         if (!first_seen) first_seen = cycle;
-        if (result.difference && differs_again) return;
+        if (result.difference && differs_again && !result.difference->in_readings) return;
         const bool resumes = snapshot && snapshot->next_cycle == cycle;
         if (next != cycle && (resumes || (cycle == 0 && !controller))) {
           robot_unknown = run.robot_yaml.empty() && !(robot && parameters);
@@ -160,7 +169,8 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
           next = cycle;
         }
         if (!controller || next != cycle) {
-          if (!result.difference) ++result.unchecked;
+          if (!result.difference && result.unchecked++ == 0 && next)
+            result.missing = {.cycle = *next, .found = cycle, .offset = offset};
           return;
         }
         CycleOutput again;
@@ -168,8 +178,11 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
         next = cycle + 1;
         std::optional<Difference> difference = FirstDifference(record.output, again);
         if (result.difference) {
+          Difference& first = *result.difference;
           differs_again = differs_again || difference;
-          result.difference->agree = differs_again ? 0 : result.difference->agree + 1;
+          first.agree = differs_again ? 0 : first.agree + 1;
+          first.in_readings = first.in_readings && !ReadingsDiffer(record.output, again);
+          first.readings_agree = first.in_readings ? first.readings_agree + 1 : 0;
           return;
         }
         ++result.replayed;
@@ -179,6 +192,7 @@ ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParamet
         result.difference->cycle = cycle;
         result.difference->time_ns = record.input.time_ns;
         result.difference->offset = offset;
+        result.difference->in_readings = ReadingsDiffer(record.output, again);
       },
       [&](const io::StateSnapshot& s) { snapshot = s; });
   if (result.replayed > 0) return result;

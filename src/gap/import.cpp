@@ -155,7 +155,11 @@ class Importer {
         Printable(name), map_path_,
         option.empty() && Unlike(name, *nearest) < 0.4 ? "; did you mean '" + Printable(*nearest) + "'?" : "",
         Printable(all, 300),
-        option.empty() ? "correct the map" : "the names are in another line: set " + option + " in the map"));
+        option.empty()
+            ? "correct the map"
+            : (option.find("delimiter") == option.npos ? "the names are in another line"
+                                                       : "its cells are parted by another delimiter") +
+                  std::string(": set ") + option + " in the map"));
   }
 
   /// All columns that the map names.

@@ -46,6 +46,7 @@ class Reader {
                                ":1: no column map; accepted: a YAML file with the keys table, time, runs, "
                                "columns, frame; config/import holds examples");
     }
+    RefuseKeysTwice(root, path_);
     YamlBlock top(root, path_, "");
     Format(top.Sub("table"));
     if (!top.Has("time"))

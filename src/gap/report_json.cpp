@@ -5,13 +5,12 @@
 #include <array>
 #include <charconv>
 #include <cmath>
-#include <fstream>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <sstream>
 #include <stdexcept>
 #include <type_traits>
 
+#include "file_bytes.h"
 #include "report_fields.h"
 #include "tendril/gap/report.h"
 #include "tendril/gap/words.h"
@@ -408,14 +407,9 @@ Diagnosis ParseReport(const std::string& text) {
 }
 
 Diagnosis ReadReport(const std::filesystem::path& file) {
-  std::ifstream in(file, std::ios::binary);
-  std::ostringstream text;
-  if (in) in >> text.rdbuf();
-  if (in.bad() || !in.is_open() || std::filesystem::is_directory(file)) {
-    throw std::runtime_error(fmt::format("cannot read {}", file.string()));
-  }
+  const std::string text = ReadBytes(file);
   try {
-    return ParseReport(text.str());
+    return ParseReport(text);
   } catch (const std::exception& e) {
     throw std::runtime_error(
         fmt::format("{}: {}; it must be a report.json of tendril gap diagnose", file.string(), e.what()));

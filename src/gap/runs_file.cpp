@@ -15,6 +15,7 @@
 #include "sources.h"
 #include "tendril/core/load_cell_place.h"
 #include "text.h"
+#include "yaml_block.h"
 
 namespace tendril::gap {
 namespace {
@@ -111,6 +112,7 @@ std::vector<ListedRun> ReadList(const fs::path& file, DataSet& set) {
   YAML::Node list;
   try {
     list = YAML::Load(text);
+    RefuseKeysTwice(list, file.string());
     if (list.IsMap() && list["tracker_frame"]) {
       const std::string frame = LowerCase(Text(list, "tracker_frame"));
       if (frame == "fit") set.fit_frame = true;

@@ -89,6 +89,8 @@ std::string OptionForNames(std::string_view text, const TableFormat& format,
       return HasAll(names, format.delimiter ? format.delimiter : FindDelimiter(names, format.comment),
                     columns);
     };
+    if (format.delimiter && HasAll(said, FindDelimiter(said, format.comment), columns) && !all_in(said))
+      return "table: {delimiter: auto}";
     if (all_in(said)) {
       const char* header = format.header == Header::kRemark ? "header: first, " : "";
       const bool marks = all_alike && kCommentMarks.find(common) != kCommentMarks.npos;
@@ -122,6 +124,9 @@ std::string HintForCell(std::string_view cell, std::string_view column, std::str
     return fmt::format("; if the line is a comment, set table: {{comment: '{}'}} in a map", said.front());
   }
   const bool one_comma = std::count(cell.begin(), cell.end(), ',') == 1;
+  if (format.decimal == ',' && !one_comma && std::count(cell.begin(), cell.end(), '.') == 1 &&
+      cell.find_first_not_of("+-.0123456789eE") == cell.npos)
+    return "; the map says that decimals have a comma: set table: {decimal: point} in it";
   if (Grouped(cell)) {
     return fmt::format("; thousands separators are not read: export without them{}",
                        one_comma && format.decimal == '.' && cell.find('.') == cell.npos

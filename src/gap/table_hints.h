@@ -10,8 +10,8 @@
 
 namespace tendril::gap {
 
-/// Where the names of `columns` are in another line than the one taken for the names: the option that
-/// reads them, such as "table: {skip_lines: 3}"; else empty.
+/// Where the names of `columns` are in another line than the one taken for the names, or parted by another
+/// delimiter: the option that reads them, such as "table: {skip_lines: 3}"; else empty.
 std::string OptionForNames(std::string_view text, const TableFormat& format,
                            const std::vector<std::string>& columns);
 

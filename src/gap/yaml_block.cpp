@@ -15,6 +15,25 @@ std::string Join(const std::vector<std::string>& words) {
   return text;
 }
 
+void RefuseKeysTwice(const YAML::Node& node, const std::string& file) {
+  std::map<std::string, int> lines;
+  for (const auto& entry : node) {
+    if (!node.IsMap()) {
+      RefuseKeysTwice(entry, file);
+      continue;
+    }
+    if (entry.first.IsScalar()) {
+      const int line = entry.first.Mark().line + 1;
+      const auto [first, is_new] = lines.emplace(entry.first.Scalar(), line);
+      if (!is_new)
+        throw std::runtime_error(
+            fmt::format("{}:{}: {}: given twice (first on line {}); accepted: once; remove one of them", file,
+                        line, Printable(first->first), first->second));
+    }
+    RefuseKeysTwice(entry.second, file);
+  }
+}
+
 YamlBlock::YamlBlock(const YAML::Node& node, std::string file, std::string key)
     : node_(node), file_(std::move(file)), key_(std::move(key)) {
   if (node_ && !node_.IsMap()) Fail("", "is not a block of keys", "a block such as 'column: t'");

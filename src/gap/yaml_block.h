@@ -26,6 +26,9 @@ std::string Names(const std::map<std::string, Value>& of) {
   return Join(names);
 }
 
+/// Throws std::runtime_error where a key stands twice in a block of the file, at any depth.
+void RefuseKeysTwice(const YAML::Node& node, const std::string& file);
+
 /// All readers throw std::runtime_error for a value that does not fit.
 class YamlBlock {
  public:

@@ -49,6 +49,7 @@ EventReader::EventReader(const std::string& path) {
 bool EventReader::Next() {
   while (Advance()) {
     if (!StampedApart()) {
+      CheckNumber();
       Count();
       return true;
     }
@@ -88,11 +89,30 @@ bool EventReader::StampedApart() {
   return after && !apart(next->stamp_us, after->stamp_us);
 }
 
+/// Events are numbered as they are written. Where a number does not follow, events were taken out, another
+/// log was put behind, or the number is damaged, which the next event's tells. Logs without numbers have
+/// equal ones.
+void EventReader::CheckNumber() {
+  if (events_ == 0 || !follows_ || number_ == last_number_ + 1 || number_ == last_number_) return;
+  Place place{.begin = begin_, .end = begin_, .what = {}};
+  const auto next = HeaderAt(end_);
+  if (next && next->number == last_number_ + 2) {
+    place.what = fmt::format("has number {} where {} follows", number_, last_number_ + 1);
+    number_ = last_number_ + 1;
+  } else if (number_ < last_number_) {
+    place.what = fmt::format("has number {} after {}: another log begins there", number_, last_number_);
+  } else {
+    place.what = "does not follow the one before it";
+    place.lost = number_ - last_number_ - 1;
+  }
+  places_.push_back(std::move(place));
+}
+
 std::optional<EventReader::Header> EventReader::HeaderAt(std::uint64_t offset) {
   std::array<std::uint8_t, kHeader> bytes;
   if (offset + kHeader > size_ || !Read(offset, bytes.data(), kHeader)) return std::nullopt;
   if (!std::equal(kSync.begin(), kSync.end(), bytes.begin())) return std::nullopt;
-  return Header{static_cast<std::int64_t>(Number(bytes, 12, 8)),
+  return Header{Number(bytes, 4, 8), static_cast<std::int64_t>(Number(bytes, 12, 8)),
                 offset + kHeader + Number(bytes, 20, 4) + Number(bytes, 24, 4)};
 }
 
@@ -181,8 +201,10 @@ void EventReader::FindZeros(Place& place) {
 }
 
 std::string EventReader::Text(const Place& place) const {
-  std::string text = fmt::format("the event at byte {} {}; {} bytes are left out{}", place.begin, place.what,
-                                 place.end - place.begin, place.end == size_ ? ", to the end" : "");
+  std::string text = fmt::format("the event at byte {} {}", place.begin, place.what);
+  if (place.end > place.begin)
+    text += fmt::format("; {} bytes are left out{}", place.end - place.begin,
+                        place.end == size_ ? ", to the end" : "");
   if (place.zeros_end - place.zeros_begin >= kZerosNamed)
     text += fmt::format(", zeros from byte {} to {}", place.zeros_begin, place.zeros_end);
   if (place.lost > 0) text += fmt::format(", {} event{} lost", place.lost, place.lost == 1 ? "" : "s");

@@ -60,14 +60,16 @@ class EventReader {
     void operator()(std::FILE* file) const noexcept { std::fclose(file); }
   };
 
-  /// When an event was recorded, and where it ends.
+  /// An event's number, when it was recorded, and where it ends.
   struct Header {
+    std::uint64_t number = 0;
     std::int64_t stamp_us = 0;
     std::uint64_t end = 0;
   };
 
   bool Advance();
   bool StampedApart();
+  void CheckNumber();
   std::optional<Header> HeaderAt(std::uint64_t offset);
   bool Read(std::uint64_t offset, void* bytes, std::size_t size);
   std::string ReadEvent(std::uint64_t offset);

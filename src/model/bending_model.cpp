@@ -6,6 +6,7 @@
 
 #include "tendril/model/body.h"
 #include "tendril/model/inverse.h"
+#include "tendril/model/pull_cone.h"
 #include "tendril/model/statics.h"
 
 namespace tendril::model {
@@ -106,6 +107,7 @@ BodyParameters BendingModel(const BodyParameters& body) {
 
 RobotParameters ControlModel(RobotParameters robot) {
   robot.body = BendingModel(robot.body);
+  AlignHoles(robot.body);
   return robot;
 }
 

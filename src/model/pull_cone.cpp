@@ -17,6 +17,22 @@ constexpr double kOpposite_rad = 1e-6 * kHalfTurn / 180;
 
 double Wrapped(double angle_rad) { return angle_rad - kTurn * std::floor(angle_rad / kTurn); }
 
+double SignedAngle(double angle_rad) { return std::remainder(angle_rad, kTurn); }
+
+/// Arc length to the middle of a section.
+double MiddleOf(const BodyParameters& body, int section) {
+  double middle_m = 0;
+  for (int k = 0; k <= section; ++k) {
+    const SectionParameters& s = body.sections[static_cast<std::size_t>(k)];
+    middle_m += (k < section ? 1 : 0.5) * s.units * s.unit_length_m;
+  }
+  return middle_m;
+}
+
+double AngleAt(const BodyParameters& body, const TendonRoute& t, double arc_m) {
+  return t.angle_rad + (body.twist_rad_per_m + t.turn_rad_per_m) * arc_m;
+}
+
 Eigen::Vector2d Along(double angle_rad) { return {std::cos(angle_rad), std::sin(angle_rad)}; }
 
 }  // namespace
@@ -44,14 +60,10 @@ Eigen::Vector2d PullCone::Nearest(const Eigen::Vector2d& bend_rad) const noexcep
 }
 
 PullCone PullConeOf(const BodyParameters& body, int section) {
-  double middle_m = 0;  // arc length
-  for (int k = 0; k <= section; ++k) {
-    const SectionParameters& s = body.sections[static_cast<std::size_t>(k)];
-    middle_m += (k < section ? 1 : 0.5) * s.units * s.unit_length_m;
-  }
+  const double middle_m = MiddleOf(body, section);
   std::vector<double> angles;
   for (const TendonRoute& t : body.sections[static_cast<std::size_t>(section)].tendons)
-    angles.push_back(Wrapped(t.angle_rad + (body.twist_rad_per_m + t.turn_rad_per_m) * middle_m));
+    angles.push_back(Wrapped(AngleAt(body, t, middle_m)));
   std::sort(angles.begin(), angles.end());
   // The cone begins after the widest gap.
   double widest = angles.front() + kTurn - angles.back();
@@ -75,6 +87,19 @@ PullCone PullConeOf(const BodyParameters& body, int section) {
     cone.kind = cone.width_rad <= kAlike_rad ? PullCone::Kind::kRay : PullCone::Kind::kWedge;
   }
   return cone;
+}
+
+void AlignHoles(BodyParameters& body) {
+  for (int k = 0; k < static_cast<int>(body.sections.size()); ++k) {
+    const PullCone cone = PullConeOf(body, k);
+    if (!cone.on_line()) continue;
+    const double middle_m = MiddleOf(body, k);
+    for (TendonRoute& t : body.sections[static_cast<std::size_t>(k)].tendons) {
+      const double from_first = SignedAngle(AngleAt(body, t, middle_m) - cone.from_rad);
+      const bool opposite = std::abs(from_first) > 0.5 * kHalfTurn;
+      t.angle_rad -= opposite ? from_first - std::copysign(kHalfTurn, from_first) : from_first;
+    }
+  }
 }
 
 bool PullsEveryWay(const BodyParameters& body) {

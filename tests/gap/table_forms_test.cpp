@@ -221,6 +221,29 @@ TEST_F(TableFormsTest, AColumnThatIsThereTwiceIsRefused) {
   EXPECT_THAT(load("late.csv"), HasSubstr("set table: {skip_lines: 2} in a map"));
 }
 
+TEST_F(TableFormsTest, AMapThatSaysAnotherMarkOrDelimiterIsToldSo) {
+  const std::string rest = "time: {column: t}\ncolumns: {tension: {names: [a, b, c]}}\n";
+  const std::string table = "t,a,b,c\n0,1.5,2,3\n1,1.5,2,3\n";
+  EXPECT_THAT(Refusal("table: {decimal: comma, delimiter: comma}\n" + rest, table),
+              HasSubstr("'1.5' is not a number"));
+  EXPECT_THAT(Refusal("table: {decimal: comma, delimiter: comma}\n" + rest, table),
+              HasSubstr("decimals have a comma: set table: {decimal: point} in it"));
+  EXPECT_THAT(
+      Refusal("table: {delimiter: tab}\n" + rest, table),
+      HasSubstr("its cells are parted by another delimiter: set table: {delimiter: auto} in the map"));
+}
+
+// As in robot files: which of the two counts is unknown.
+TEST_F(TableFormsTest, AKeyThatIsThereTwiceIsRefused) {
+  const std::string table = "t,a,b,c\n0,1,2,3\n1,1,2,3\n";
+  EXPECT_THAT(
+      Refusal("time: {column: t}\ncolumns: {tension: {names: [a, b, c]}}\ntime: {column: c}\n", table),
+      HasSubstr(":3: time: given twice (first on line 1); accepted: once; remove one of them"));
+  EXPECT_THAT(
+      Refusal("time: {column: t}\ncolumns:\n  tension:\n    names: [a, b, c]\n    names: [c, b, a]\n", table),
+      HasSubstr(":5: names: given twice (first on line 4)"));
+}
+
 TEST_F(TableFormsTest, OtherEncodingsAndWorkbooksAreRefused) {
   std::string utf16;
   for (const char c : "t,a,b\n" + kRows) utf16 += std::string{c, '\0'};

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <iterator>
 #include <lcm/lcm-cpp.hpp>
 #include <stdexcept>
 #include <string>
@@ -160,6 +161,20 @@ TEST_F(LogPartsTest, AStampFarFromThoseAroundItIsDamage) {
   const CutResult cut = CutLog(path, {0.05, 0.1}, out);
   EXPECT_NEAR(cut.from_s, 0.05, 2e-3);
   EXPECT_NEAR(cut.to_s, 0.1, 2e-3);
+}
+
+TEST_F(LogPartsTest, EventsThatWereTakenOutArePutOnRecord) {
+  const std::vector<std::streamoff> offsets = OffsetsOf(path);
+  std::string bytes;
+  {
+    std::ifstream file(path, std::ios::binary);
+    bytes.assign(std::istreambuf_iterator<char>(file), {});
+  }
+  bytes.erase(static_cast<std::size_t>(offsets[50]), static_cast<std::size_t>(offsets[53] - offsets[50]));
+  std::ofstream(path, std::ios::binary) << bytes;
+  EXPECT_THAT(SummariseLog(path, 1).damage,
+              HasSubstr(fmt::format("the event at byte {} does not follow the one before it, 3 events lost",
+                                    static_cast<long>(offsets[50]))));
 }
 
 // A computer without a clock of its own begins in 1970 until it hears from the network.

@@ -54,6 +54,31 @@ TEST(PullCone, IsWhatTendonsPullTogether) {
   }
 }
 
+// An angle that a file rounds: 3.1416 or 3.14 for pi.
+TEST(PullCone, HolesThatCountAsOppositeOrEqualAreAligned) {
+  for (const std::vector<double>& tendons_deg :
+       {std::vector<double>{40}, {0, 180.0004}, {40, 219.91}, {10, 10.3, 190}}) {
+    BodyParameters body = WithTendons(tendons_deg);
+    const BodyParameters file = body;
+    AlignHoles(body);
+    const PullCone cone = PullConeOf(file, 0);
+    const Eigen::Vector2d across(-std::sin(cone.from_rad), std::cos(cone.from_rad));
+    for (std::size_t j = 0; j < tendons_deg.size(); ++j) {
+      const double angle = body.sections[0].tendons[j].angle_rad;
+      EXPECT_LT(std::abs(across.dot(Eigen::Vector2d(std::cos(angle), std::sin(angle)))), 1e-14);
+      EXPECT_NEAR(angle, file.sections[0].tendons[j].angle_rad, 0.01);
+    }
+  }
+  for (const std::vector<double>& tendons_deg :
+       {std::vector<double>{0, 120, 240}, {0, 60}, {0, 90, 180}, {0, 178}}) {
+    BodyParameters body = WithTendons(tendons_deg);
+    const BodyParameters file = body;
+    AlignHoles(body);
+    for (std::size_t j = 0; j < tendons_deg.size(); ++j)
+      EXPECT_EQ(body.sections[0].tendons[j].angle_rad, file.sections[0].tendons[j].angle_rad);
+  }
+}
+
 TEST(PullCone, RestsAsTheLeastTensionBendsIt) {
   const Body one(WithTendons({0})), pair(WithTendons({0, 180})), three(WithTendons({0, 120, 240}));
   const auto wound = [](const Body& body) {

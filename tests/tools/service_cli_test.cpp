@@ -56,7 +56,8 @@ TEST_F(ServiceCommandTest, AnEmptyValueIsRefusedByEveryProgram) {
                    TENDRIL_PLANT_BINARY);
   for (const char* arguments :
        {"send arm --lcm ''", "replay x.lcmlog --robot ''", "replay ''", "commission --config x.yaml --lcm ''",
-        "rt-check --config ''", "demo --out ''", "config check ''"})
+        "rt-check --config ''", "demo --out ''", "config check ''", "send tip '' 0 0.05",
+        "send bending ' ' 0.1", "send tension 1 '' 1"})
     ExpectWrongUse(arguments, empty + "tendril ");
   ExpectWrongUse("status --prefix ''", "'' is not a prefix");
 }
@@ -68,6 +69,9 @@ TEST_F(ServiceCommandTest, WrongUseIsOneLineThatTellsWhereToReadOn) {
       "tendril: 'amr' is not known here (did you mean arm?); commands: tip, bending, tension, arm, hold, "
       "disarm, clear; see tendril send --help");
   ExpectWrongUse("send tip 1 2", "see tendril send tip --help");
+  ExpectWrongUse("send tip", "0 value(s) given");
+  ExpectWrongUse("help demoo", "'demoo' is not known here (did you mean demo?)");
+  ExpectWrongUse("gap help diagnos", "'diagnos' is not known here (did you mean diagnose?)");
   ExpectWrongUse("send arm --tiemout 3",
                  "'--tiemout' is not known here (did you mean --timeout?); see tendril send arm --help");
   ExpectWrongUse("", "--config is required; see tendrild --help", TENDRILD_BINARY);
@@ -176,10 +180,11 @@ TEST_F(ServiceCommandTest, ReplayNamesDamage) {
   const std::size_t middle = whole.size() / 2;
   std::string bytes = whole;
   replay(bytes.replace(middle, 5000, 5000, '\0'));
-  EXPECT_THAT(error_,
-              testing::ContainsRegex("no bit differs in [0-9]+ cycles; cycles are missing; the [0-9]+ after "
-                                     "them could not be checked; damaged: the event at byte [0-9]+ is not "
-                                     "followed by another; [0-9]+ bytes are left out, zeros from byte"));
+  EXPECT_THAT(error_, testing::ContainsRegex(
+                          "no bit differs in [0-9]+ cycles; cycle [0-9]+ is missing before the event at "
+                          "byte [0-9]+; the [0-9]+ cycles from there could not be checked; "
+                          "damaged: the event at byte [0-9]+ is not "
+                          "followed by another; [0-9]+ bytes are left out, zeros from byte"));
   bytes = whole;
   replay(bytes.erase(middle, 5000));
   EXPECT_THAT(error_, HasSubstr("is not followed by another"));
@@ -187,9 +192,23 @@ TEST_F(ServiceCommandTest, ReplayNamesDamage) {
   replay(bytes.replace(0, 100, 100, '\0'));
   EXPECT_THAT(error_, HasSubstr("the robot is not known (damaged: the event at byte 0 does not begin"));
   EXPECT_THAT(error_, HasSubstr("give --robot and --config"));
-  // Outputs of one cycle alone: its event is whole.
+  replay(whole + whole);
+  EXPECT_THAT(error_,
+              testing::ContainsRegex("cycles begin again after cycle [0-9]+ before the event at byte"));
+  EXPECT_THAT(error_, HasSubstr(fmt::format("the event at byte {} has number 0", whole.size())));
+  // The number of an event alone.
   bytes = whole;
   const std::size_t cycle = bytes.find("TENDRIL_CYCLE", middle);
+  replay(bytes.replace(cycle - 24, 8, 8, '\0'));
+  EXPECT_THAT(error_, testing::ContainsRegex("the event at byte [0-9]+ has number 0 where [0-9]+ follows; "));
+  // What the drives reported in one cycle: its event is whole, and all that follows from it differs.
+  bytes = whole;
+  replay(bytes.replace(cycle + 100, 64, 64, '\0'));
+  EXPECT_THAT(error_,
+              testing::ContainsRegex("one cycle's readings are not what the log says of it and those of "
+                                     "the [0-9]+ after it are, as when its event, at byte [0-9]+, is"));
+  // Outputs of one cycle alone.
+  bytes = whole;
   replay(bytes.replace(cycle + 600, 16, 16, '\x55'));
   EXPECT_THAT(error_,
               testing::ContainsRegex("one cycle differs and the [0-9]+ after it are identical to the last "

@@ -43,13 +43,24 @@ void Run(const Options& o) {
                       "event, at byte {}, is damaged{}",
                       o.log, d.agree, d.offset, damage));
     }
+    if (d.readings_agree > 0) {
+      throw std::runtime_error(
+          fmt::format("{}: one cycle's readings are not what the log says of it and those of the {} after it "
+                      "are, as when its "
+                      "event, at byte {}, is damaged; what follows from them differs{}",
+                      o.log, d.readings_agree, d.offset, damage));
+    }
     throw std::runtime_error(
         fmt::format("{}: this controller does not reproduce the log, from the event at byte {} on{}", o.log,
                     d.offset, damage));
   }
   std::string rest;
   if (r.unchecked > 0) {
-    rest = fmt::format("cycles are missing; the {} after them could not be checked", r.unchecked);
+    const experiment::MissingCycles& m = r.missing;
+    rest = fmt::format("{} before the event at byte {}; the {} cycles from there could not be checked",
+                       m.found < m.cycle ? fmt::format("cycles begin again after cycle {}", m.cycle - 1)
+                                         : fmt::format("cycle {} is missing", m.cycle),
+                       m.offset, r.unchecked);
   }
   if (!r.damage.empty()) rest += (rest.empty() ? "damaged: " : "; damaged: ") + r.damage;
   if (!rest.empty()) {

@@ -62,7 +62,7 @@ void AddTarget(CLI::App& send, const std::shared_ptr<SendOptions>& o, const char
                void (*fill)(const std::vector<double>&, Command&)) {
   CLI::App* sub = send.add_subcommand(name, description)->fallthrough();
   sub->add_option("values", o->values, values)
-      ->expected(0, -1)
+      ->expected(1, -1)
       ->option_text(values)
       ->check(NumberFrom(-kMostValue, kMostValue, "give metres, radians or newtons"));
   sub->callback([=] {

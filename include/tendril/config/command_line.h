@@ -12,12 +12,14 @@
 
 namespace tendril::config {
 
-/// An empty value, for instance from an unset shell variable, would look like an omitted option.
+/// An empty value, for instance from an unset shell variable, would look like an omitted option, a blank one
+/// like zero.
 inline void RefuseEmptyValues(CLI::App& app) {
   const CLI::Validator given(
       [](std::string& value) {
-        return value.empty() ? std::string("is empty; accepted: a value; give one, or leave the option out")
-                             : std::string();
+        return value.find_first_not_of(" \t\r\n") == std::string::npos
+                   ? std::string("is empty; accepted: a value; give one, or leave the option out")
+                   : std::string();
       },
       "");
   for (CLI::Option* option : app.get_options([](const CLI::Option*) { return true; })) option->check(given);
@@ -112,19 +114,24 @@ inline std::string WrongUse(const CLI::App& app, const CLI::Error& error) {
 }
 
 /// `help` in the place of a command, as in `tendril help`, `tendril help gap` or `tendril gap help`, means
-/// --help. The first of `words` is the program.
+/// --help of the command around it or, if one follows, of that. The first of `words` is the program.
 inline std::vector<std::string> HelpAsOption(const CLI::App& app, std::vector<std::string> words) {
   const CLI::App* at = &app;
-  for (std::size_t i = 1; i < words.size() && at != nullptr; ++i) {
+  bool help = false, known = true;
+  for (std::size_t i = 1; i < words.size() && at != nullptr;) {
     const auto named = [&](const CLI::App* sub) { return sub->get_name() == words[i]; };
     const auto subs = at->get_subcommands(named);
-    if (subs.empty() && words[i] == "help" && !CommandNames(*at).empty()) {
+    if (!help && subs.empty() && words[i] == "help" && !CommandNames(*at).empty()) {
       words.erase(words.begin() + static_cast<std::ptrdiff_t>(i));
-      words.push_back("--help");
-      break;
+      help = true;
+      continue;
     }
+    // What is no command is left to the parser, which names it.
+    known = !subs.empty() || words[i].starts_with("-") || CommandNames(*at).empty();
     at = subs.empty() ? nullptr : subs.front();
+    ++i;
   }
+  if (help && known) words.push_back("--help");
   return words;
 }
 

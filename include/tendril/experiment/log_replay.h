@@ -15,16 +15,27 @@ namespace tendril::experiment {
 struct Difference {
   std::uint64_t cycle = 0;
   TimeNs time_ns = 0;
-  std::uint64_t offset = 0;      // of the cycle's event in the log
-  std::uint64_t agree = 0;       // cycles checked after it, if all are equal to the last bit; else 0
+  std::uint64_t offset = 0;  // of the cycle's event in the log
+  std::uint64_t agree = 0;   // cycles checked after it, if all are equal to the last bit; else 0
+  // What the drives' values of a cycle alone say differs there; cycles after it in which it does not. 0 where
+  // it differs again.
+  bool in_readings = false;
+  std::uint64_t readings_agree = 0;
   std::string field;             // as in cycle_t, with the index: tension_desired_base_N[2]
   std::string logged, replayed;  // the values as text
   int bit = 0;                   // the lowest bit that differs; 0 is the least significant
 };
 
+/// The first gap: `cycle` should come, `found` comes, less where cycles begin again, with the event at
+/// `offset`.
+struct MissingCycles {
+  std::uint64_t cycle = 0, found = 0, offset = 0;
+};
+
 struct ReplayResult {
   std::uint64_t replayed = 0;                     // cycles up to the first difference
   std::uint64_t unchecked = 0;                    // cycles after a gap, whose state is unknown
+  MissingCycles missing;                          // where unchecked > 0
   std::uint64_t first_cycle = 0, last_cycle = 0;  // of the replayed cycles
   bool from_snapshot = false;                     // the log began in the middle of a run
   std::string version, git_revision;              // of the program that wrote the log

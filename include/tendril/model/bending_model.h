@@ -12,7 +12,7 @@ namespace tendril::model {
 /// One unit a disk, without torsion, extension and shear: the same disks, masses, stiffness and damping of
 /// bending. A body that only bends comes back as it is.
 BodyParameters BendingModel(const BodyParameters& body);
-/// The robot with this body: what controls and plans knows of it.
+/// The robot with this body and its holes aligned (AlignHoles): what controls and plans knows of it.
 RobotParameters ControlModel(RobotParameters robot);
 
 /// The largest distance of the bending model's tip from the body's own, over the robot's loads: all tendons

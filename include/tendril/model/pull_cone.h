@@ -26,6 +26,10 @@ struct PullCone {
 /// tolerances.
 PullCone PullConeOf(const BodyParameters& body, int section);
 
+/// Turns holes that PullConeOf counts as opposite, or as equal, to where they are exactly so. What is left of
+/// a bend across a line would otherwise be sought by all the tension there is.
+void AlignHoles(BodyParameters& body);
+
 /// Whether tendons pull every section in every direction.
 bool PullsEveryWay(const BodyParameters& body);
 
