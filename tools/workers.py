@@ -253,6 +253,8 @@ class Workers:
             if isinstance(done.error, WorkerDied) and deaths[done.task.name] + 1 < MOST_DEATHS:
                 deaths[done.task.name] += 1
                 waiting.appendleft(done.task)
+                self.progress.clear()
+                print(f"{done.task.name}: its worker died; it begins again", file=sys.stderr, flush=True)
                 continue
             self.progress.done += 1
             self.progress.clear()

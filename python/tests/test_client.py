@@ -99,6 +99,27 @@ def test_homing_that_takes_too_long_is_ended():
         wait_until(client, lambda s: s.disarmed, "disarm")
 
 
+def test_what_a_daemon_with_a_key_does_not_take_is_no_success(tmp_path, monkeypatch):
+    key, file = tmp_path / "key", tmp_path / "daemon.yaml"
+    key.write_text("0123456789abcdef" * 4)
+    key.chmod(0o600)
+    shipped = (SOURCE / "config" / "tendrild.yaml").read_text()
+    assert "\nlcm:\n" in shipped
+    file.write_text(shipped.replace("\nlcm:\n", f"\nlcm:\n  key_file: {key}\n"))
+    monkeypatch.setenv("TENDRIL_KEY_FILE", str(key))
+    with simulated_robot("--daemon", str(file), prefix="KEYED"), tendril.Client(prefix="KEYED") as operator:
+        operator.arm()
+        monkeypatch.delenv("TENDRIL_KEY_FILE")
+        with tendril.Client(prefix="KEYED") as other:
+            with pytest.raises(tendril.DaemonError, match="takes none of these commands: .*not signed"):
+                other.follow("circle")
+            began = time.monotonic()
+            with pytest.raises(tendril.DaemonError, match="did not take the command: .*not signed"):
+                other.arm()
+            assert time.monotonic() - began < 5
+        assert operator.state().running
+
+
 def test_an_exception_disarms_too(robot):
     with pytest.raises(ZeroDivisionError), tendril.Client() as client:
         client.arm()

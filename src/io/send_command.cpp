@@ -114,7 +114,7 @@ class Conversation {
 
   /// The state that answers the command.
   const State& AwaitAnswer(TimeNs end_ns) {
-    while (!settled_ && clock_.Now() < end_ns) {
+    while (!settled_ && clock_.Now() < end_ns && !Ignored()) {
       Handle();
       if (!answered_ && MayRepeat(command_) && clock_.Now() > sent_ns_ + kRepeat_ns) Publish();
     }
@@ -122,8 +122,11 @@ class Conversation {
     if (!answered_ && !client_.ignored().empty())
       throw std::runtime_error("the daemon did not take the command: " + client_.ignored());
     if (!answered_) {
-      throw std::runtime_error(fmt::format(
-          "the daemon is running but did not receive the command within {:g} s; try again", call_.timeout_s));
+      throw std::runtime_error(
+          fmt::format("the daemon is running but did not receive the command within {:g} s; try again, and "
+                      "look at its log "
+                      "for messages that it ignores",
+                      call_.timeout_s));
     }
     return answer_;
   }
@@ -140,6 +143,11 @@ class Conversation {
   }
 
  private:
+  /// The daemon says that it ignores commands, and nothing else of this one for as long as an answer takes.
+  bool Ignored() const {
+    return !answered_ && !client_.ignored().empty() && clock_.Now() > sent_ns_ + kLeastForAnswer_ns;
+  }
+
   void RequireNotStopped() const {
     if (call_.stop && *call_.stop) throw std::runtime_error("interrupted");
   }

@@ -91,8 +91,9 @@ struct Follower::Impl {
       state_ = s;
       heard_ns_ = clock_.Now();
       daemon_ahead_ns_[states_++ % daemon_ahead_ns_.size()] = s.utime * kNsPerUs - heard_ns_;
-      if (s.command_status == static_cast<std::int16_t>(Status::kAnotherSender) &&
-          io::SenderOf(s.command_sequence) == io::SenderOfProcess())
+      const bool own = io::SenderOf(s.command_sequence) == io::SenderOfProcess();
+      answers_ = answers_ || own;
+      if (own && s.command_status == static_cast<std::int16_t>(Status::kAnotherSender))
         another_leads_ = s.command_status_text;
     });
     lcm_->subscribe(io::ChannelName(setup.channel_prefix, "RUN"), &Impl::TakeRun, this);
@@ -276,6 +277,13 @@ struct Follower::Impl {
       throw std::runtime_error(fmt::format("the daemon refuses these commands: {} ({})", another_leads_,
                                            static_cast<int>(Status::kAnotherSender)));
     }
+    // A daemon that has a key answers nothing that is not signed with it.
+    if (!answers_ && first_sent_ns_ && clock_.Now() - *first_sent_ns_ > kSilence_ns) {
+      throw std::runtime_error(
+          "the daemon takes none of these commands" +
+          (client_.ignored().empty() ? ": it does not receive them" : ": " + client_.ignored()) +
+          "; the robot has not moved");
+    }
     // Now and then one is overtaken by another or comes late; all of them do not.
     if (state_.commands_accepted == accepted_ && state_.commands_refused > refused_ + kMostRefused) {
       throw std::runtime_error(fmt::format("the daemon refuses these commands: {}; the robot has not moved",
@@ -293,6 +301,7 @@ struct Follower::Impl {
     // As long again as the daemon extrapolates, or it would cut its own look ahead short.
     command.valid_for_ns = ToNs(kValidFor_s + extrapolates_s_);
     leads_until_ns_ = clock_.Now() + command.valid_for_ns + kLetGo_ns;
+    if (!first_sent_ns_) first_sent_ns_ = clock_.Now();
     io::Publish(client_, command, setup_.lcm_url);
   }
 
@@ -378,6 +387,8 @@ struct Follower::Impl {
   tendril_lcm::run_t run_{};
   tendril_lcm::state_t state_{};
   TimeNs heard_ns_ = 0, leads_until_ns_ = 0;
+  std::optional<TimeNs> first_sent_ns_;
+  bool answers_ = false;                      // the daemon has seen a command of this process
   std::array<TimeNs, 16> daemon_ahead_ns_{};  // the daemon's time less this clock's, by the last states
   std::uint64_t states_ = 0;
   TipSolver* solver_ = nullptr;

@@ -54,6 +54,8 @@ void Home(const HomeOptions& o) {
   const TimeNs answer_ns = static_cast<TimeNs>(answer_s * static_cast<double>(kNsPerS));
   while (!seen && clock.Now() < asked_ns + answer_ns) client.Handle(20);
   if (!heard) throw std::runtime_error(NobodyAnswers(o.lcm, answer_s, client));
+  if (!seen && !client.ignored().empty())
+    throw std::runtime_error("the daemon did not take the command: " + client.ignored());
   if (!seen) {
     throw std::runtime_error(fmt::format(
         "the daemon is running but did not receive the command within {:g} s; try again", answer_s));
