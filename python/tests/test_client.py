@@ -103,6 +103,7 @@ def test_what_a_daemon_with_a_key_does_not_take_is_no_success(tmp_path, monkeypa
     key, file = tmp_path / "key", tmp_path / "daemon.yaml"
     key.write_text("0123456789abcdef" * 4)
     key.chmod(0o600)
+    (tmp_path / "robots").symlink_to(SOURCE / "config" / "robots")
     shipped = (SOURCE / "config" / "tendrild.yaml").read_text()
     assert "\nlcm:\n" in shipped
     file.write_text(shipped.replace("\nlcm:\n", f"\nlcm:\n  key_file: {key}\n"))

@@ -88,12 +88,18 @@ struct Gateway::State {
 
   void Complain(const std::string& channel, const std::string& why) {
     ++counters.undecodable;
+    complaint = channel + ": message ignored: " + why;
+    TellComplaint();
+  }
+
+  /// The last one, a while after the one before: whoever sent it waits for its reason.
+  void TellComplaint() {
     const TimeNs now_ns = clock.Now();
-    if (complained && now_ns - complained_ns < kComplaintEvery_ns) return;
+    if (complaint.empty() || (complained && now_ns - complained_ns < kComplaintEvery_ns)) return;
     complained = true;
     complained_ns = now_ns;
-    const std::string text = channel + ": message ignored: " + why + "; " +
-                             std::to_string(counters.undecodable) + " ignored since start";
+    const std::string text =
+        std::exchange(complaint, {}) + "; " + std::to_string(counters.undecodable) + " ignored since start";
     PublishEvent(now_ns, Status::kMessageIgnored, "gateway", text);
     if (complaint_sink) complaint_sink(Status::kMessageIgnored, text);
   }
@@ -168,6 +174,7 @@ struct Gateway::State {
   ComplaintSink complaint_sink;
   Tap tap;
   Counters counters;
+  std::string complaint;  // not told yet
   bool complained = false;
   TimeNs complained_ns = 0;
   bool any_state = false;
@@ -209,7 +216,11 @@ void Gateway::OnRun(RunSink sink) {
 void Gateway::OnComplaint(ComplaintSink sink) { state_->complaint_sink = std::move(sink); }
 void Gateway::SetTap(Tap tap) { state_->tap = std::move(tap); }
 
-int Gateway::Handle(int timeout_ms) { return HandleWaiting(*state_->lcm, timeout_ms); }
+int Gateway::Handle(int timeout_ms) {
+  const int handled = HandleWaiting(*state_->lcm, timeout_ms);
+  state_->TellComplaint();
+  return handled;
+}
 
 void Gateway::PublishRun(const RunInfo& run) {
   State& s = *state_;

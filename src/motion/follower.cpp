@@ -92,7 +92,8 @@ struct Follower::Impl {
       heard_ns_ = clock_.Now();
       daemon_ahead_ns_[states_++ % daemon_ahead_ns_.size()] = s.utime * kNsPerUs - heard_ns_;
       const bool own = io::SenderOf(s.command_sequence) == io::SenderOfProcess();
-      answers_ = answers_ || own;
+      // Another client of this process may have sent earlier ones.
+      answers_ = answers_ || (own && first_sequence_ && s.command_sequence >= *first_sequence_);
       if (own && s.command_status == static_cast<std::int16_t>(Status::kAnotherSender))
         another_leads_ = s.command_status_text;
     });
@@ -278,7 +279,7 @@ struct Follower::Impl {
                                            static_cast<int>(Status::kAnotherSender)));
     }
     // A daemon that has a key answers nothing that is not signed with it.
-    if (!answers_ && first_sent_ns_ && clock_.Now() - *first_sent_ns_ > kSilence_ns) {
+    if (!answers_ && first_sequence_ && clock_.Now() - first_sent_ns_ > kSilence_ns) {
       throw std::runtime_error(
           "the daemon takes none of these commands" +
           (client_.ignored().empty() ? ": it does not receive them" : ": " + client_.ignored()) +
@@ -301,8 +302,10 @@ struct Follower::Impl {
     // As long again as the daemon extrapolates, or it would cut its own look ahead short.
     command.valid_for_ns = ToNs(kValidFor_s + extrapolates_s_);
     leads_until_ns_ = clock_.Now() + command.valid_for_ns + kLetGo_ns;
-    if (!first_sent_ns_) first_sent_ns_ = clock_.Now();
-    io::Publish(client_, command, setup_.lcm_url);
+    const std::int64_t sequence = io::Publish(client_, command, setup_.lcm_url);
+    if (first_sequence_) return;
+    first_sequence_ = sequence;
+    first_sent_ns_ = clock_.Now();
   }
 
   // Until then the daemon refuses targets of other senders, such as the next command of a script.
@@ -386,10 +389,10 @@ struct Follower::Impl {
   double lead_s_ = 0, extrapolates_s_ = 0, delay_s_ = 0;
   tendril_lcm::run_t run_{};
   tendril_lcm::state_t state_{};
-  TimeNs heard_ns_ = 0, leads_until_ns_ = 0;
-  std::optional<TimeNs> first_sent_ns_;
-  bool answers_ = false;                      // the daemon has seen a command of this process
-  std::array<TimeNs, 16> daemon_ahead_ns_{};  // the daemon's time less this clock's, by the last states
+  TimeNs heard_ns_ = 0, leads_until_ns_ = 0, first_sent_ns_ = 0;
+  std::optional<std::int64_t> first_sequence_;  // of the first target
+  bool answers_ = false;                        // the daemon has seen it, or a later one
+  std::array<TimeNs, 16> daemon_ahead_ns_{};    // the daemon's time less this clock's, by the last states
   std::uint64_t states_ = 0;
   TipSolver* solver_ = nullptr;
   std::optional<SampleStream> stream_;
