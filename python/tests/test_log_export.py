@@ -135,10 +135,10 @@ def test_log_lines_are_events_and_changes(tmp_path):
     event = messages.event_t()
     event.utime, event.status, event.status_text = START + 5, 412, "a drive reports an error"
     event.source, event.text = "bus", "node 3"
-    states = [state_message(0.1 * i, mode="running") for i in range(6)]
-    for state in states[2:4]:
+    states = [state_message(0.1 * i, mode="running") for i in range(18)]
+    for state in (*states[2:4], states[5]):  # back within a second, so it had not ended
         state.status, state.status_text, state.status_remedy = 105, "tension is limited", "see max_tension"
-    states[5].mode, states[5].mode_text = 5, "hold"
+    states[17].mode, states[17].mode_text = 5, "hold"
     write_log(tmp_path / "a.lcmlog", [("EVENT", event), *(("STATE", state) for state in states)])
     export(tmp_path / "a.lcmlog", "--mcap", tmp_path / "a.mcap")
     found = contents(tmp_path / "a.mcap")["/TENDRIL/log"]
@@ -148,8 +148,8 @@ def test_log_lines_are_events_and_changes(tmp_path):
         (0, Log.INFO, "state", "mode: running"),
         (5, Log.ERROR, "bus", "412 a drive reports an error: node 3"),
         (200_000, Log.WARNING, "state", "105 tension is limited; see max_tension"),
-        (400_000, Log.INFO, "state", "no longer 105: ok"),
-        (500_000, Log.INFO, "state", "mode: hold"),
+        (1_600_000, Log.INFO, "state", "no longer 105: ok"),
+        (1_700_000, Log.INFO, "state", "mode: hold"),
     ]
     assert all(m.timestamp.seconds * 10**9 + m.timestamp.nanos == ns for ns, *_, m in found)
 

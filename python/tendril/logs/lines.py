@@ -11,6 +11,8 @@ from .columns import Columns
 from .protobuf import to_bytes
 from .scene import timestamp
 
+SETTLED_NS = 1_000_000_000  # a status that comes back sooner has not ended
+
 
 def level_of(status: int) -> Log_pb2.Log.Level.ValueType:
     if status == 0:
@@ -28,6 +30,7 @@ class Lines:
     def __init__(self) -> None:
         self._mode: int | None = None
         self._status = 0
+        self._gone_ns: int | None = None  # since when the status is shown no more
 
     def of_events(self, events: Columns, times_ns: list[int]) -> Iterator[tuple[int, bytes]]:
         for i, status in enumerate(events.numbers("status").tolist()):
@@ -38,18 +41,24 @@ class Lines:
     def of_states(self, states: Columns, times_ns: list[int]) -> Iterator[tuple[int, bytes]]:
         modes, statuses = states.numbers("mode").tolist(), states.numbers("status").tolist()
         for i, (mode, status) in enumerate(zip(modes, statuses)):
-            if mode == self._mode and status == self._status:
-                continue
+            if status == self._status:
+                self._gone_ns = None
+                if mode == self._mode:
+                    continue
             if mode != self._mode:
                 text = states.string_at("mode_text", i)
                 yield i, line(times_ns[i], Log_pb2.Log.INFO, "state", f"mode: {text}")
-            if status != self._status:
-                yield i, line(times_ns[i], level_of(status), "state", self._status_line(states, i, status))
-            self._mode, self._status = mode, status
+                self._mode = mode
+            if status != self._status and (status != 0 or self._has_ended(times_ns[i])):
+                text = self._status_line(states, i, status) if status else f"no longer {self._status}: ok"
+                yield i, line(times_ns[i], level_of(status), "state", text)
+                self._status, self._gone_ns = status, None
+
+    def _has_ended(self, now_ns: int) -> bool:
+        self._gone_ns = now_ns if self._gone_ns is None else self._gone_ns
+        return now_ns - self._gone_ns >= SETTLED_NS
 
     def _status_line(self, states: Columns, i: int, status: int) -> str:
-        if status == 0:
-            return f"no longer {self._status}: ok"
         remedy = states.string_at("status_remedy", i)
         text = states.string_at("status_text", i)
         return f"{status} {text}" + (f"; {remedy}" if remedy else "")
