@@ -84,6 +84,8 @@ def _part(
 def _reason(channel: str, kind: str) -> str:
     if kind == NOT_EXPORTED:
         return "the controller's memory, which only tendril replay reads"
+    if channel == "LCM_SELF_TEST":
+        return "by which LCM tests its network"
     if _core.is_channel_of_tendril(channel):
         return "of another version of Tendril: use the one that wrote them"
     return "of another program"
