@@ -21,7 +21,7 @@ from . import _core
 from ._arrays import Array, file_name, flag, number, numbers, text, vector
 from .errors import ConfigError, DaemonError, Error
 from .messages import event_t, run_t, state_t, statistics_t
-from .state import DRIVES_OFF, Event, State, Statistics, mirror
+from .state import DRIVES_OFF, FIRST_FAULT, Event, State, Statistics, mirror
 
 DEFAULT_URL = "udpm://239.255.76.67:7667?ttl=0"
 
@@ -198,7 +198,7 @@ class Client:
             self._disarm_quietly(0)
             raise DaemonError(f"not homed within {timeout:g} s; the daemon was asked to disarm")
         if state.mode != state_t.MODE_HOLD:
-            why = f"{state.status_text}; {state.status_remedy}" if state.status >= 400 else "aborted"
+            why = f"{state.status_text}; {state.status_remedy}" if state.status >= FIRST_FAULT else "aborted"
             raise DaemonError(f"homing: {why}; mode {state.mode_text}")
         return "homed; tensions now " + " ".join(f"{t:.2f}" for t in state.tension_measured_N) + " N; the robot holds"
 

@@ -84,7 +84,7 @@ def test_homes_and_holds_until_armed(robot):
         state = client.state()
         assert state.mode == messages.state_t.MODE_HOLD
         assert np.all(state.tension_measured_N > 0.1)
-        with pytest.raises(tendril.DaemonError):
+        with pytest.raises(tendril.DaemonError, match=r"refused in this mode.*\(204, mode hold"):
             client.home()  # only a robot with its drives off is homed
         with pytest.raises(ValueError, match="1 to 3600"):
             client.home(timeout=0)

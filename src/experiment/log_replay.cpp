@@ -124,95 +124,129 @@ std::optional<Difference> FirstDifference(const CycleOutput& a, const CycleOutpu
   return c.found;
 }
 
+namespace {
+
+class LogReplay {
+ public:
+  LogReplay(const std::string& path, const std::optional<RobotParameters>& robot,
+            const std::optional<DaemonParameters>& parameters)
+      : path_(path), robot_(robot), parameters_(parameters) {}
+
+  ReplayResult Result() {
+    result_.damage = io::StreamLog(
+        path_, [this](const io::RunInfo& run) { Take(run); },
+        [this](const CycleRecord& record, std::uint64_t offset) { Take(record, offset); },
+        [this](const io::StateSnapshot& snapshot) { snapshot_ = snapshot; });
+    if (result_.replayed == 0) ThrowWhyNot();
+    return std::move(result_);
+  }
+
+ private:
+  void Take(const io::RunInfo& run) {
+    run_ = run;
+    result_.version = run.version;
+    result_.git_revision = run.git_revision;
+  }
+
+  void Take(const CycleRecord& record, std::uint64_t offset) {
+    const std::uint64_t cycle = record.input.cycle;
+    if (!first_seen_) first_seen_ = cycle;
+    if (result_.difference && differs_again_ && !readings_agree_) return;
+    const bool resumes = snapshot_ && snapshot_->next_cycle == cycle;
+    if (next_ != cycle && (resumes || (cycle == 0 && !controller_)) && !Begin(cycle, resumes)) return;
+    if (!controller_ || next_ != cycle) {
+      if (!result_.difference && result_.unchecked++ == 0 && next_)
+        result_.missing = {.cycle = *next_, .found = cycle, .offset = offset};
+      return;
+    }
+    CycleOutput again;
+    controller_->Step(record.input, again);
+    next_ = cycle + 1;
+    Compare(record, again, offset);
+  }
+
+  /// False where the robot is not known.
+  bool Begin(std::uint64_t cycle, bool resumes) {
+    robot_unknown_ = run_.robot_yaml.empty() && !(robot_ && parameters_);
+    if (robot_unknown_) return false;
+    if (resumes && (robot_ || parameters_)) {
+      throw std::runtime_error(path_ +
+                               ": begins in the middle of a run, with a controller's state that belongs "
+                               "to its own robot and configuration; leave out --robot and --config");
+    }
+    controller_ = MakeController(run_, robot_, parameters_);
+    if (resumes && !controller_->LoadState(snapshot_->state)) {
+      throw std::runtime_error(
+          fmt::format("{}: the controller's state in it does not fit this build; replay with the one "
+                      "that wrote it, {} ({})",
+                      path_, run_.version, run_.git_revision));
+    }
+    result_.from_snapshot = result_.from_snapshot || resumes;
+    if (result_.replayed == 0) result_.first_cycle = cycle;
+    next_ = cycle;
+    return true;
+  }
+
+  void Compare(const CycleRecord& record, const CycleOutput& again, std::uint64_t offset) {
+    std::optional<Difference> difference = FirstDifference(record.output, again);
+    if (result_.difference) {
+      differs_again_ = differs_again_ || difference;
+      readings_agree_ = readings_agree_ && !ReadingsDiffer(record.output, again);
+      Difference& first = *result_.difference;
+      first.agree = differs_again_ ? 0 : first.agree + 1;
+      first.readings_agree = readings_agree_ ? first.readings_agree + 1 : 0;
+      return;
+    }
+    ++result_.replayed;
+    result_.last_cycle = record.input.cycle;
+    if (!difference) return;
+    readings_agree_ = ReadingsDiffer(record.output, again);
+    result_.difference = std::move(difference);
+    result_.difference->cycle = record.input.cycle;
+    result_.difference->time_ns = record.input.time_ns;
+    result_.difference->offset = offset;
+  }
+
+  [[noreturn]] void ThrowWhyNot() const {
+    const std::string damaged = result_.damage.empty() ? "" : " (damaged: " + result_.damage + ")";
+    if (robot_unknown_) {
+      throw std::runtime_error(path_ + ": no run record before the first cycle, so the robot is not known" +
+                               damaged + "; give --robot and --config");
+    }
+    if (!first_seen_ && result_.version.empty() && !damaged.empty()) {
+      throw std::runtime_error(path_ + ": not a log that can be replayed" + damaged +
+                               "; give one of tendrild --log or tendril demo, or a black box");
+    }
+    if (!first_seen_) {
+      throw std::runtime_error(path_ + ": holds no cycle records" + damaged +
+                               "; set lcm.cycle_every_cycles to 1 to log them");
+    }
+    throw std::runtime_error(
+        fmt::format("{}: begins with cycle {} and without the controller's state, so nothing can be "
+                    "replayed{}; give a log "
+                    "from the start of the program or a black box",
+                    path_, *first_seen_, damaged));
+  }
+
+  const std::string& path_;
+  const std::optional<RobotParameters>& robot_;
+  const std::optional<DaemonParameters>& parameters_;
+  ReplayResult result_;
+  io::RunInfo run_;
+  std::optional<io::StateSnapshot> snapshot_;
+  std::unique_ptr<control::Controller> controller_;
+  std::optional<std::uint64_t> next_;  // the cycle for which the controller has the state
+  std::optional<std::uint64_t> first_seen_;
+  bool robot_unknown_ = false;
+  // Of the cycles after the first difference: one differs; the readings of none do, but of the first's own.
+  bool differs_again_ = false, readings_agree_ = false;
+};
+
+}  // namespace
+
 ReplayResult ReplayLog(const std::string& path, const std::optional<RobotParameters>& robot,
                        const std::optional<DaemonParameters>& parameters) {
-  ReplayResult result;
-  io::RunInfo run;
-  std::optional<io::StateSnapshot> snapshot;
-  std::unique_ptr<control::Controller> controller;
-  std::optional<std::uint64_t> next;  // the cycle for which the controller has the state
-  std::optional<std::uint64_t> first_seen;
-  bool differs_again = false;  // after the first difference
-  bool robot_unknown = false;
-
-  result.damage = io::StreamLog(
-      path,
-      [&](const io::RunInfo& r) {
-        run = r;
-        result.version = r.version;
-        result.git_revision = r.git_revision;
-      },
-      [&](const CycleRecord& record, std::uint64_t offset) {
-        const std::uint64_t cycle = record.input.cycle;
-        if (!first_seen) first_seen = cycle;
-        if (result.difference && differs_again && !result.difference->in_readings) return;
-        const bool resumes = snapshot && snapshot->next_cycle == cycle;
-        if (next != cycle && (resumes || (cycle == 0 && !controller))) {
-          robot_unknown = run.robot_yaml.empty() && !(robot && parameters);
-          if (robot_unknown) return;
-          if (resumes && (robot || parameters)) {
-            throw std::runtime_error(
-                path +
-                ": begins in the middle of a run, with a controller's state that belongs "
-                "to its own robot and configuration; leave out --robot and --config");
-          }
-          controller = MakeController(run, robot, parameters);
-          if (resumes && !controller->LoadState(snapshot->state)) {
-            throw std::runtime_error(
-                fmt::format("{}: the controller's state in it does not fit this build; replay with the one "
-                            "that wrote it, "
-                            "{} ({})",
-                            path, run.version, run.git_revision));
-          }
-          result.from_snapshot = result.from_snapshot || resumes;
-          if (result.replayed == 0) result.first_cycle = cycle;
-          next = cycle;
-        }
-        if (!controller || next != cycle) {
-          if (!result.difference && result.unchecked++ == 0 && next)
-            result.missing = {.cycle = *next, .found = cycle, .offset = offset};
-          return;
-        }
-        CycleOutput again;
-        controller->Step(record.input, again);
-        next = cycle + 1;
-        std::optional<Difference> difference = FirstDifference(record.output, again);
-        if (result.difference) {
-          Difference& first = *result.difference;
-          differs_again = differs_again || difference;
-          first.agree = differs_again ? 0 : first.agree + 1;
-          first.in_readings = first.in_readings && !ReadingsDiffer(record.output, again);
-          first.readings_agree = first.in_readings ? first.readings_agree + 1 : 0;
-          return;
-        }
-        ++result.replayed;
-        result.last_cycle = cycle;
-        if (!difference) return;
-        result.difference = std::move(difference);
-        result.difference->cycle = cycle;
-        result.difference->time_ns = record.input.time_ns;
-        result.difference->offset = offset;
-        result.difference->in_readings = ReadingsDiffer(record.output, again);
-      },
-      [&](const io::StateSnapshot& s) { snapshot = s; });
-  if (result.replayed > 0) return result;
-  const std::string damaged = result.damage.empty() ? "" : " (damaged: " + result.damage + ")";
-  if (robot_unknown) {
-    throw std::runtime_error(path + ": no run record before the first cycle, so the robot is not known" +
-                             damaged + "; give --robot and --config");
-  }
-  if (!first_seen && result.version.empty() && !damaged.empty()) {
-    throw std::runtime_error(path + ": not a log that can be replayed" + damaged +
-                             "; give one of tendrild --log or tendril demo, or a black box");
-  }
-  if (!first_seen) {
-    throw std::runtime_error(path + ": holds no cycle records" + damaged +
-                             "; set lcm.cycle_every_cycles to 1 to log them");
-  }
-  throw std::runtime_error(fmt::format(
-      "{}: begins with cycle {} and without the controller's state, so nothing can be replayed{}; give a log "
-      "from the start of the program or a black box",
-      path, *first_seen, damaged));
+  return LogReplay(path, robot, parameters).Result();
 }
 
 }  // namespace tendril::experiment

@@ -56,8 +56,10 @@ void AddBody(const RobotParameters& robot, std::vector<FileNumber>& all) {
   section("youngs_modulus_Pa", &SectionParameters::youngs_modulus_Pa);
   section("core_radius_m", &SectionParameters::core_radius_m);
   section("bending_damping_Nms", &SectionParameters::bending_damping_Nms);
+  const std::size_t before_inertia = all.size();
   section("disk_inertia_xx_kgm2", &SectionParameters::disk_inertia_xx_kgm2);
   section("disk_inertia_zz_kgm2", &SectionParameters::disk_inertia_zz_kgm2);
+  for (std::size_t n = before_inertia; n < all.size(); ++n) all[n].may_be_open = false;
   // A disk's inertia follows from its mass if the file gives its diameter.
   const double mass_kg = robot.body.sections.front().unit_mass_kg;
   all.push_back({"body.sections.unit_mass_kg", mass_kg, false, kBody.stage, kBody.element,
@@ -128,6 +130,7 @@ void AddPresliding(const RobotParameters& robot, std::vector<FileNumber>& all) {
                      for (double& yield : drive.gear.presliding_yields_rad) yield *= std::exp(change);
                    }
                  }});
+  all.back().may_be_open = false;
 }
 
 void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
@@ -140,6 +143,7 @@ void AddActuation(const RobotParameters& robot, std::vector<FileNumber>& all) {
                    for (TendonDriveParameters& drive : changed.actuation->tendons)
                      RecountMotor(drive, change);
                  }});
+  all.back().may_be_open = false;
   const auto part = [&](const char* key, Place place, auto TendonDriveParameters::*member, auto number) {
     AddFactor(
         robot, fmt::format("actuation.{}", key), place, number,

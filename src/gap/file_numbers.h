@@ -23,6 +23,10 @@ struct FileNumber {
   /// The library effect that changes the same number, and searches it within its own bounds; empty: none.
   std::string effect{};
   int tendon = 0;  // whose own it is, from 1; 0: common to all
+  /// False where no uncertainty of the file is one of this number: a disk's inertia moves with its mass,
+  /// counts are whole and wrong by mistake, and each number of a list may be uncertain by itself, not all by
+  /// one factor.
+  bool may_be_open = true;
 
   double ValueAt(double change) const;
   double ChangeTo(double value) const;

@@ -124,13 +124,7 @@ FreeNumbers FreeNumbersOf(const RobotParameters& file) {
     const bool of_each = std::any_of(all.begin(), all.end(), [&](const FileNumber& other) {
       return other.tendon > 0 && WithoutTendon(other.key) == number.key;
     });
-    // A disk's inertia moves with its mass, and a file may give it by the disk's diameter. Counts are whole,
-    // and a wrong one is a mistake rather than uncertain. Each yield of a gear may be uncertain by itself,
-    // but not all by one factor.
-    if (of_each || number.key.find("disk_inertia") != std::string::npos ||
-        number.key.ends_with("encoder_counts_per_turn") || number.key.ends_with("presliding_yields_rad")) {
-      continue;
-    }
+    if (of_each || !number.may_be_open) continue;
     const auto deviation = DeviationOf(number, UncertaintyOf(file, number));
     if (!deviation) {
       free.known.push_back(number.key);

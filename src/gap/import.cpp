@@ -149,17 +149,13 @@ class Importer {
     });
     std::string all;
     for (const std::string& n : names) all += (all.empty() ? "" : ", ") + n;
-    const std::string option = OptionForNames(bytes_, map_.format, MappedNames());
+    const auto option = OptionForNames(bytes_, map_.format, MappedNames());
     throw TableError(fmt::format(
         "{}:{}: no column '{}', which the map {} names{}; there are: {}; {}", file_, names_line_,
         Printable(name), map_path_,
-        option.empty() && Unlike(name, *nearest) < 0.4 ? "; did you mean '" + Printable(*nearest) + "'?" : "",
+        !option && Unlike(name, *nearest) < 0.4 ? "; did you mean '" + Printable(*nearest) + "'?" : "",
         Printable(all, 300),
-        option.empty()
-            ? "correct the map"
-            : (option.find("delimiter") == option.npos ? "the names are in another line"
-                                                       : "its cells are parted by another delimiter") +
-                  std::string(": set ") + option + " in the map"));
+        option ? option->why + ": set " + option->option + " in the map" : "correct the map"));
   }
 
   /// All columns that the map names.

@@ -431,9 +431,9 @@ class Case {
   bool Searched(const NumberFit& fit) const {
     const double by = fit.number.angle ? fit.value - fit.number.in_file : fit.value / fit.number.in_file;
     return std::any_of(search_.fits.begin(), search_.fits.end(), [&](const Fit& searched) {
-      const sim::Effect& effect = *searched.model.parts.front().effect;
-      const sim::EffectParameter& p = effect.parameters.front();
-      return effect.name == fit.number.effect && p.lower < by && by < p.upper;
+      const Candidate& part = searched.model.parts.front();
+      const sim::EffectParameter& p = part.parameters.front();
+      return part.effect->name == fit.number.effect && p.lower < by && by < p.upper;
     });
   }
 

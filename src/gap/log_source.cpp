@@ -100,11 +100,15 @@ class LogRun {
  public:
   /// The cycles from `running` to `last` and the rest before them; `controllers`: the robot of the log's
   /// controller.
-  LogRun(const std::vector<CycleRecord>& cycles, std::size_t running, std::size_t last,
-         const RobotParameters& robot, const RobotParameters& controllers)
-      : cycles_(cycles), first_(BeginOfRest(cycles, running)), last_(last), robot_(robot) {
+  LogRun(const io::LogContents& log, std::size_t running, std::size_t last, const RobotParameters& robot,
+         const RobotParameters& controllers)
+      : cycles_(log.cycles),
+        offsets_(log.offsets),
+        first_(BeginOfRest(cycles_, running)),
+        last_(last),
+        robot_(robot) {
     // The first cycle still has the previous zero.
-    zero_counts_ = ZeroCounts(cycles[std::min(running + 1, last - 1)], controllers);
+    zero_counts_ = ZeroCounts(cycles_[std::min(running + 1, last - 1)], controllers);
   }
 
   /// Fewer than two rows when the log is damaged.
@@ -199,17 +203,23 @@ class LogRun {
 
   void NoteLost(const std::vector<std::size_t>& kept) {
     const std::uint64_t stride = Stride(cycles_);
-    std::uint64_t lost = 0;
+    std::uint64_t lost = 0, before = 0;
     for (std::size_t i = 1; i < kept.size(); ++i) {
       const std::uint64_t step = cycles_[kept[i]].input.cycle - cycles_[kept[i - 1]].input.cycle;
-      if (step > stride) lost += step / stride - 1;
+      if (step <= stride) continue;
+      if (lost == 0) before = offsets_[kept[i]];
+      lost += step / stride - 1;
     }
     if (stride > 1) run_.notes.push_back(fmt::format("the log holds every {}-th cycle only", stride));
-    if (lost > 0) run_.notes.push_back(fmt::format("{} cycles are missing from the log", lost));
+    if (lost > 0)
+      run_.notes.push_back(fmt::format("{} missing from the log, the first before the event at byte {}",
+                                       lost == 1 ? "1 cycle is" : fmt::format("{} cycles are", lost),
+                                       before));
     NoteGaps(run_);
   }
 
   const std::vector<CycleRecord>& cycles_;
+  const std::vector<std::uint64_t>& offsets_;
   std::size_t first_, last_;
   const RobotParameters& robot_;
   std::vector<std::int32_t> zero_counts_;
@@ -278,7 +288,7 @@ std::vector<Run> ReadRunLog(const std::filesystem::path& file, const RobotOfSet&
     }
     std::size_t last = first;
     while (last < log.cycles.size() && Measured(log.cycles[last])) ++last;
-    if (Run run = LogRun(log.cycles, first, last, robot, controllers ? *controllers : robot).Make();
+    if (Run run = LogRun(log, first, last, robot, controllers ? *controllers : robot).Make();
         run.time_s.size() >= 2) {
       run.name = RunName(file);
       // A log is always called run.lcmlog, so the run takes the name of its folder.

@@ -209,13 +209,12 @@ class TableReader {
   }
 
   [[noreturn]] void RefuseWithoutTime(const std::vector<std::string>& names, const std::string& where) const {
-    const std::string option = OptionForNames(bytes_, {}, {"t_s"});
+    const auto option = OptionForNames(bytes_, {}, {"t_s"});
     throw TableError(fmt::format(
         "{}: no column t_s (time in seconds); there are: {}; {}", where, Listed(names),
-        option.empty()
-            ? "rename the columns to the canonical ones or use tendril gap import with a column map"
-            : "it is in another line: remove the lines before it, or set " + option +
-                  " in a map of tendril gap import"));
+        option ? "it is in another line: remove the lines before it, or set " + option->option +
+                     " in a map of tendril gap import"
+               : "rename the columns to the canonical ones or use tendril gap import with a column map"));
   }
 
   /// In the block's order, -1: missing; empty where the block cannot be used.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cctype>
+#include <utility>
 
 #include "text.h"
 #include "time_text.h"
@@ -73,9 +74,12 @@ char FindDelimiter(std::string_view line, std::string_view comment) {
   return Trimmed(line).find(' ') != std::string_view::npos ? ' ' : ',';
 }
 
-std::string OptionForNames(std::string_view text, const TableFormat& format,
-                           const std::vector<std::string>& columns) {
-  if (columns.empty() || format.header == Header::kNone) return {};
+std::optional<NamesOption> OptionForNames(std::string_view text, const TableFormat& format,
+                                          const std::vector<std::string>& columns) {
+  if (columns.empty() || format.header == Header::kNone) return std::nullopt;
+  const auto elsewhere = [](std::string option) {
+    return NamesOption{"the names are in another line", std::move(option)};
+  };
   char common = '\0';  // first character of every non-empty line so far
   bool all_alike = true;
   for (int line = 1; line <= kMostPreamble && !text.empty(); ++line) {
@@ -90,26 +94,26 @@ std::string OptionForNames(std::string_view text, const TableFormat& format,
                     columns);
     };
     if (format.delimiter && HasAll(said, FindDelimiter(said, format.comment), columns) && !all_in(said))
-      return "table: {delimiter: auto}";
+      return NamesOption{"the cells have another delimiter", "table: {delimiter: auto}"};
     if (all_in(said)) {
       const char* header = format.header == Header::kRemark ? "header: first, " : "";
       const bool marks = all_alike && kCommentMarks.find(common) != kCommentMarks.npos;
       if (marks && format.comment.find(common) == format.comment.npos)
-        return fmt::format("table: {{{}comment: '{}'}}", header, common);
-      if (line == 1 && format.skip_lines == 0 && *header == 0) return {};
-      return fmt::format("table: {{{}skip_lines: {}}}", header, line - 1);
+        return elsewhere(fmt::format("table: {{{}comment: '{}'}}", header, common));
+      if (line == 1 && format.skip_lines == 0 && *header == 0) return std::nullopt;
+      return elsewhere(fmt::format("table: {{{}skip_lines: {}}}", header, line - 1));
     }
     const char mark = said.front();
     if (kCommentMarks.find(mark) != kCommentMarks.npos) {
       said.remove_prefix(std::min(said.find_first_not_of(mark), said.size()));
       if (all_in(Trimmed(said)))
-        return fmt::format("table: {{header: comment{}}}",
-                           mark == '#' ? "" : fmt::format(", comment: '{}'", mark));
+        return elsewhere(fmt::format("table: {{header: comment{}}}",
+                                     mark == '#' ? "" : fmt::format(", comment: '{}'", mark)));
     }
     all_alike = all_alike && (common == '\0' || common == mark);
     common = mark;
   }
-  return {};
+  return std::nullopt;
 }
 
 std::string HintForCell(std::string_view cell, std::string_view column, std::string_view line,

@@ -2,6 +2,7 @@
 // changes nothing.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -10,10 +11,15 @@
 
 namespace tendril::gap {
 
-/// Where the names of `columns` are in another line than the one taken for the names, or parted by another
-/// delimiter: the option that reads them, such as "table: {skip_lines: 3}"; else empty.
-std::string OptionForNames(std::string_view text, const TableFormat& format,
-                           const std::vector<std::string>& columns);
+/// An option of a column map, such as "table: {skip_lines: 3}", and why it is needed.
+struct NamesOption {
+  std::string why, option;
+};
+
+/// The option that reads the names of `columns`, where they are in another line than the one taken for the
+/// names, or between other delimiters.
+std::optional<NamesOption> OptionForNames(std::string_view text, const TableFormat& format,
+                                          const std::vector<std::string>& columns);
 
 /// For a cell that is not a number: "; " and its meaning with the remedy (a time, grouped thousands, a
 /// decimal comma); else empty. `column` is its name and `line` its whole line.

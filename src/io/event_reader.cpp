@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cerrno>
 #include <cmath>
 #include <cstring>
@@ -51,7 +52,10 @@ bool EventReader::Next() {
     if (!StampedApart()) {
       CheckNumber();
       Count();
-      return true;
+      if (std::none_of(channel_.begin(), channel_.end(), [](unsigned char c) { return std::iscntrl(c); }))
+        return true;
+      Refuse("has control characters in its channel's name");
+      continue;
     }
     places_.push_back(
         {.begin = begin_, .end = end_, .what = "is stamped apart from those around it", .lost = 1});

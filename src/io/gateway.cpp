@@ -94,8 +94,9 @@ struct Gateway::State {
 
   /// The last one, a while after the one before: whoever sent it waits for its reason.
   void TellComplaint() {
+    if (complaint.empty()) return;
     const TimeNs now_ns = clock.Now();
-    if (complaint.empty() || (complained && now_ns - complained_ns < kComplaintEvery_ns)) return;
+    if (complained && now_ns - complained_ns < kComplaintEvery_ns) return;
     complained = true;
     complained_ns = now_ns;
     const std::string text =

@@ -293,7 +293,10 @@ LogContents ReadLog(const std::string& path) {
   LogContents contents;
   contents.damage = StreamLog(
       path, [&](const RunInfo& run) { contents.run = run; },
-      [&](const CycleRecord& cycle, std::uint64_t) { contents.cycles.push_back(cycle); });
+      [&](const CycleRecord& cycle, std::uint64_t offset) {
+        contents.cycles.push_back(cycle);
+        contents.offsets.push_back(offset);
+      });
   return contents;
 }
 

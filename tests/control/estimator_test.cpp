@@ -24,6 +24,19 @@ CycleOutput OutputOf(int tendons) {
   return output;
 }
 
+std::vector<std::shared_ptr<const model::CapstanTable>> TablesOf(const RobotParameters& robot) {
+  return model::MakeCapstanTables(robot.actuation->tendons, robot.limits.max_tension_motor_N);
+}
+
+/// What a drive shows that has pulled in so much since zero and whose cell carries this tension.
+DriveFeedback Shown(const TendonDriveParameters& t, double pull_m, double tension_N) {
+  DriveFeedback d;
+  d.position_counts = static_cast<std::int32_t>(std::lround(
+      pull_m / t.SpoolTravelPerMotorRad() / (2 * std::numbers::pi) * t.drive.encoder_counts_per_turn));
+  d.analog_mV = static_cast<std::int16_t>(std::lround(1000 * t.load_cell.gain_VpN * tension_N));
+  return d;
+}
+
 class EstimatorTest : public testing::TestWithParam<LoadCellPlace> {
  protected:
   static constexpr double kBase_N = 3, kBearing_N = 0.2, kOffset_N = 0.07, kScale = 1.25;
@@ -43,8 +56,7 @@ class EstimatorTest : public testing::TestWithParam<LoadCellPlace> {
 TEST_P(EstimatorTest, SeesThroughOffsetBearingsAndAStrongMotor) {
   const model::Body body(robot.body);
   const auto& t = robot.actuation->tendons[0];
-  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
-      3, std::make_shared<const model::CapstanTable>(t.transmission, robot.limits.max_tension_motor_N));
+  const auto tables = TablesOf(robot);
   Estimator estimator(robot, body, tables, 1e-3);
 
   // Pulled by far more than the pre-sliding, so friction is fully built up.
@@ -77,8 +89,7 @@ TEST(SlackTendon, DoesNotCount) {
   const RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
   const model::Body body(robot.body);
   const auto& t = robot.actuation->tendons[0];
-  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
-      3, std::make_shared<const model::CapstanTable>(t.transmission, robot.limits.max_tension_motor_N));
+  const auto tables = TablesOf(robot);
   const BendingVector bend_rad = Eigen::Vector2d(0.5, -0.2);
   Eigen::VectorXd q(body.dof());
   TendonVector shortening_m(3);
@@ -94,10 +105,7 @@ TEST(SlackTendon, DoesNotCount) {
       const double tension_N = j < hanging ? 0 : 1.0, paid_out_m = j < hanging ? 1.5e-3 : 0;
       const double pull_m =
           shortening_m[j] - paid_out_m + (tension_N - robot.limits.min_tension_N) / t.tendon.stiffness_Npm;
-      auto& d = input.drive[static_cast<std::size_t>(j)];
-      d.position_counts = static_cast<std::int32_t>(std::lround(
-          pull_m / t.SpoolTravelPerMotorRad() / (2 * std::numbers::pi) * t.drive.encoder_counts_per_turn));
-      d.analog_mV = static_cast<std::int16_t>(std::lround(1000 * t.load_cell.gain_VpN * tension_N));
+      input.drive[static_cast<std::size_t>(j)] = Shown(t, pull_m, tension_N);
     }
     for (int i = 0; i < 5; ++i) estimator.Step(input, output);
     const double error_rad = (output.bending_estimate_rad - bend_rad).norm();
@@ -119,9 +127,7 @@ TEST(SlackTendon, DoesNotCount) {
 TEST(SlackTendon, ASectionThatHangsIsWhereItWasAndLessAndLessSure) {
   const RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/two_section.yaml");
   const model::Body body(robot.body);
-  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
-      6, std::make_shared<const model::CapstanTable>(robot.actuation->tendons[0].transmission,
-                                                     robot.limits.max_tension_motor_N));
+  const auto tables = TablesOf(robot);
   Estimator estimator(robot, body, tables, 1e-3);
   const BendingVector bend_rad = Eigen::Vector4d(1.2, 0.4, -0.8, 0.3);
   UnitVector q(body.dof());
@@ -139,10 +145,7 @@ TEST(SlackTendon, ASectionThatHangsIsWhereItWasAndLessAndLessSure) {
       const double tension_N = j < 3 ? base_N : 1.0;
       const double pull_m = shortening_m[j] - (hangs ? paid_out_m * (1 + 0.5 * j) : 0) +
                             (tension_N - robot.limits.min_tension_N) / t.tendon.stiffness_Npm;
-      auto& d = input.drive[static_cast<std::size_t>(j)];
-      d.position_counts = static_cast<std::int32_t>(std::lround(
-          pull_m / t.SpoolTravelPerMotorRad() / (2 * std::numbers::pi) * t.drive.encoder_counts_per_turn));
-      d.analog_mV = static_cast<std::int16_t>(std::lround(1000 * t.load_cell.gain_VpN * tension_N));
+      input.drive[static_cast<std::size_t>(j)] = Shown(t, pull_m, tension_N);
     }
     estimator.Step(input, output);
   };
@@ -235,10 +238,7 @@ TEST_P(Covariance, IsThatOfManyNoisyDraws) {
     t.motor.coulomb_friction_Nm = 1e-4;
   }
   const model::Body body(robot.body);
-  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
-      static_cast<std::size_t>(body.tendons()),
-      std::make_shared<const model::CapstanTable>(robot.actuation->tendons[0].transmission,
-                                                  robot.limits.max_tension_motor_N));
+  const auto tables = TablesOf(robot);
   Estimator estimator(robot, body, tables, 1e-3);
   NoisyRobot noisy(robot, *tables[0], 5);
   const int n = 2 * body.sections();
@@ -289,8 +289,7 @@ TEST(CovarianceOf, ABodyThatShortensIsSeenAsWellAsItSays) {
   const RobotParameters robot = model::ControlModel(soft);
   const model::Body real(soft.body), body(robot.body);
   const auto& t = robot.actuation->tendons[0];
-  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
-      3, std::make_shared<const model::CapstanTable>(t.transmission, robot.limits.max_tension_motor_N));
+  const auto tables = TablesOf(robot);
   const BendingMatrix unseen_rad2 = model::UnseenBending(soft);
   std::mt19937 random(3);
   std::uniform_real_distribution<double> tension(soft.limits.min_tension_N, soft.limits.max_tension_base_N);
@@ -318,10 +317,7 @@ TEST(CovarianceOf, ABodyThatShortensIsSeenAsWellAsItSays) {
     CycleOutput output = OutputOf(3);
     estimator.ZeroDisplacement(input);
     for (int j = 0; j < 3; ++j) {
-      auto& d = input.drive[static_cast<std::size_t>(j)];
-      d.position_counts = static_cast<std::int32_t>(std::lround(
-          pull_m[j] / t.SpoolTravelPerMotorRad() / (2 * std::numbers::pi) * t.drive.encoder_counts_per_turn));
-      d.analog_mV = static_cast<std::int16_t>(std::lround(1000 * t.load_cell.gain_VpN * tension_N[j]));
+      input.drive[static_cast<std::size_t>(j)] = Shown(t, pull_m[j], tension_N[j]);
     }
     for (int i = 0; i < 4; ++i) estimator.Step(input, output);
     square_rad2 += (output.bending_estimate_rad - bend_rad).squaredNorm() / kDraws;
@@ -336,9 +332,7 @@ TEST(CovarianceOf, ABodyThatShortensIsSeenAsWellAsItSays) {
 TEST(CovarianceOf, WhatTendonsDoNotSeeIsAdded) {
   const RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
   const model::Body body(robot.body);
-  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
-      3, std::make_shared<const model::CapstanTable>(robot.actuation->tendons[0].transmission,
-                                                     robot.limits.max_tension_motor_N));
+  const auto tables = TablesOf(robot);
   BendingMatrix unseen_rad2(2, 2);
   unseen_rad2 << 4e-3, 1e-3, 1e-3, 2e-3;
   Estimator without(robot, body, tables, 1e-3), with(robot, body, tables, 1e-3, unseen_rad2);
@@ -360,9 +354,7 @@ TEST(CovarianceOf, FrictionThatHasNotBuiltUpIsUncertain) {
   RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
   for (auto& t : robot.actuation->tendons) t.load_cell.place = LoadCellPlace::kRobotSide;
   const model::Body body(robot.body);
-  const std::vector<std::shared_ptr<const model::CapstanTable>> tables(
-      3, std::make_shared<const model::CapstanTable>(robot.actuation->tendons[0].transmission,
-                                                     robot.limits.max_tension_motor_N));
+  const auto tables = TablesOf(robot);
   Estimator estimator(robot, body, tables, 1e-3);
   CycleInput input;
   input.drives = 3;

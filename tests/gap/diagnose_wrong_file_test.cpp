@@ -131,14 +131,13 @@ INSTANTIATE_TEST_SUITE_P(
                     },
                     {"slack", "tendon_stiffness", "encoder_offset"},
                     0.2},
-        // Megapascals taken for pascals times a thousand: a backbone that bends as far as it can.
+        // A missing kilo: the file's backbone bends as far as it can.
         WrongNumber{
             "body.sections.youngs_modulus_Pa",
             1e-3,
             [](RobotParameters& robot, double factor) { robot.body.sections[0].youngs_modulus_Pa *= factor; },
             {"bending_stiffness", "tracker_offset", "hole_angle"}},
-        // Screening with half the stiffness puts so many others first that its own effect is not
-        // fitted.
+        // With half the stiffness so many effects are screened before its own that it is not fitted.
         WrongNumber{
             "body.sections.youngs_modulus_Pa",
             0.5,

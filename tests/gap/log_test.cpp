@@ -182,7 +182,29 @@ TEST_F(LogTest, WhatLiesBehindDamageIsUsed) {
   EXPECT_EQ(run.time_s.tail(1)[0], whole.time_s.tail(1)[0]);
   EXPECT_EQ(run.motor_position_rad.bottomRows(100), whole.motor_position_rad.bottomRows(100));
   EXPECT_THAT(run.warnings, Contains(HasSubstr("is not followed by another; ")));
-  EXPECT_THAT(run.notes, Contains(HasSubstr("cycles are missing from the log")));
+  EXPECT_THAT(run.notes, Contains(testing::ContainsRegex(
+                             "cycles are missing from the log, the first before the event at byte ")));
+}
+
+// The events are numbered without a gap, but one cycle's is on no channel that a program writes.
+TEST_F(LogTest, AnOverwrittenChannelIsNamedByItsPlace) {
+  Record(log_.string(), true, true);
+  std::ifstream in(log_, std::ios::binary);
+  const std::string whole((std::istreambuf_iterator<char>(in)), {});
+  in.close();
+  const std::size_t channel = whole.find("TENDRIL_CYCLE", whole.size() / 2);
+  const auto overwritten = [&](const std::string& by) {
+    std::string bytes = whole;
+    std::ofstream(log_, std::ios::binary | std::ios::trunc) << bytes.replace(channel + 8, by.size(), by);
+    return Load(kRobot);
+  };
+  const std::string next = "1 cycle is missing from the log, the first before the event at byte " +
+                           std::to_string(whole.find("TENDRIL_CYCLE", channel + 1) - 28);
+  EXPECT_THAT(overwritten("XXXX").notes, Contains(next));
+  const gap::Run unreadable = overwritten(std::string("\0\1\2\3", 4));
+  EXPECT_THAT(unreadable.notes, Contains(next));
+  EXPECT_THAT(unreadable.warnings, Contains(HasSubstr("the event at byte " + std::to_string(channel - 28) +
+                                                      " has control characters in its channel's name")));
 }
 
 // A logger started while the robot moved: positions count from the controller's zero.

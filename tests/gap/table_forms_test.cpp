@@ -228,9 +228,8 @@ TEST_F(TableFormsTest, AMapThatSaysAnotherMarkOrDelimiterIsToldSo) {
               HasSubstr("'1.5' is not a number"));
   EXPECT_THAT(Refusal("table: {decimal: comma, delimiter: comma}\n" + rest, table),
               HasSubstr("decimals have a comma: set table: {decimal: point} in it"));
-  EXPECT_THAT(
-      Refusal("table: {delimiter: tab}\n" + rest, table),
-      HasSubstr("its cells are parted by another delimiter: set table: {delimiter: auto} in the map"));
+  EXPECT_THAT(Refusal("table: {delimiter: tab}\n" + rest, table),
+              HasSubstr("the cells have another delimiter: set table: {delimiter: auto} in the map"));
 }
 
 // As in robot files: which of the two counts is unknown.

@@ -56,9 +56,11 @@ TEST_F(ServiceCommandTest, AnEmptyValueIsRefusedByEveryProgram) {
                    TENDRIL_PLANT_BINARY);
   for (const char* arguments :
        {"send arm --lcm ''", "replay x.lcmlog --robot ''", "replay ''", "commission --config x.yaml --lcm ''",
-        "rt-check --config ''", "demo --out ''", "config check ''", "send tip '' 0 0.05",
-        "send bending ' ' 0.1", "send tension 1 '' 1"})
+        "rt-check --config ''", "demo --out ''", "config check ''"})
     ExpectWrongUse(arguments, empty + "tendril ");
+  for (const char* arguments : {"send tip '' 0 0.05", "send bending 0.1 ''", "send tension 1 '' 1"})
+    ExpectWrongUse(arguments, "'' is not a number from -1e+06 to 1e+06; give metres, radians or newtons; ");
+  ExpectWrongUse("send bending ' ' 0.1", "' ' is not a number from");
   ExpectWrongUse("status --prefix ''", "'' is not a prefix");
 }
 

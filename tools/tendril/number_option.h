@@ -13,11 +13,11 @@ inline CLI::Validator NumberFrom(double least, double most, const char* remedy) 
   const std::string range = fmt::format("{:g} to {:g}", least, most);
   return {[=](std::string& text) {
             double value = NAN;
-            if (text.find_first_not_of(" \t\r\n") == text.npos)
-              return std::string();  // RefuseEmptyValues says so
             if (CLI::detail::lexical_cast(text, value) && value >= least && value <= most)
               return std::string();
-            return fmt::format("{} is not a number from {}; {}", text, range, remedy);
+            const bool blank = text.find_first_not_of(' ') == text.npos;
+            return fmt::format("{} is not a number from {}; {}", blank ? "'" + text + "'" : text, range,
+                               remedy);
           },
           range};
 }

@@ -46,8 +46,7 @@ void Run(const Options& o) {
     if (d.readings_agree > 0) {
       throw std::runtime_error(
           fmt::format("{}: one cycle's readings are not what the log says of it and those of the {} after it "
-                      "are, as when its "
-                      "event, at byte {}, is damaged; what follows from them differs{}",
+                      "are, as when its event, at byte {}, is damaged; what follows from them differs{}",
                       o.log, d.readings_agree, d.offset, damage));
     }
     throw std::runtime_error(

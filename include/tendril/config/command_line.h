@@ -12,14 +12,12 @@
 
 namespace tendril::config {
 
-/// An empty value, for instance from an unset shell variable, would look like an omitted option, a blank one
-/// like zero.
+/// An empty value, for instance from an unset shell variable, would look like an omitted option.
 inline void RefuseEmptyValues(CLI::App& app) {
   const CLI::Validator given(
       [](std::string& value) {
-        return value.find_first_not_of(" \t\r\n") == std::string::npos
-                   ? std::string("is empty; accepted: a value; give one, or leave the option out")
-                   : std::string();
+        return value.empty() ? std::string("is empty; accepted: a value; give one, or leave the option out")
+                             : std::string();
       },
       "");
   for (CLI::Option* option : app.get_options([](const CLI::Option*) { return true; })) option->check(given);

@@ -17,9 +17,8 @@ struct Difference {
   TimeNs time_ns = 0;
   std::uint64_t offset = 0;  // of the cycle's event in the log
   std::uint64_t agree = 0;   // cycles checked after it, if all are equal to the last bit; else 0
-  // What the drives' values of a cycle alone say differs there; cycles after it in which it does not. 0 where
-  // it differs again.
-  bool in_readings = false;
+  // Where what follows from the drives' values of the cycle alone differs: cycles checked after it, if it
+  // does in none of them; else 0.
   std::uint64_t readings_agree = 0;
   std::string field;             // as in cycle_t, with the index: tension_desired_base_N[2]
   std::string logged, replayed;  // the values as text

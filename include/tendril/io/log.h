@@ -72,6 +72,7 @@ std::string StreamLog(const std::string& path, const std::function<void(const Ru
 struct LogContents {
   RunInfo run;
   std::vector<CycleRecord> cycles;
+  std::vector<std::uint64_t> offsets;  // of each cycle's event in the file
   std::string damage;
 };
 LogContents ReadLog(const std::string& path);
