@@ -1,0 +1,78 @@
+// Newton's method on the residual, with a line search on its norm.
+#include "tendril/model/held_statics.h"
+
+#include <Eigen/Dense>
+#include <cmath>
+
+namespace tendril::model {
+namespace {
+
+constexpr double kStraight = 30;  // widths beyond which the tendon is as good as tight or slack
+
+/// log(1 + exp x) and its derivative.
+double SoftPlus(double x) { return x > kStraight ? x : std::log1p(std::exp(x)); }
+double Logistic(double x) { return x > kStraight ? 1 : 1 / (1 + std::exp(-x)); }
+
+}  // namespace
+
+HeldStatics::HeldStatics(const Body& body, ConstVectorRef stiffness_Npm, double width_m)
+    : body_(&body),
+      stiffness_(stiffness_Npm),
+      width_(width_m),
+      shortening_(body.tendons()),
+      tension_(body.tendons()),
+      tendon_force_(body.dof()),
+      force_(body.dof()),
+      trial_force_(body.dof()),
+      step_(body.dof()),
+      trial_(body.dof()),
+      length_jacobian_(body.tendons(), body.dof()),
+      tangent_(body.dof(), body.dof()) {}
+
+void HeldStatics::Residual(ConstVectorRef pull_m, ConstVectorRef q, VectorRef force_Nm) {
+  body_->TendonShortening(q, shortening_);
+  for (Eigen::Index j = 0; j < tension_.size(); ++j)
+    tension_[j] = stiffness_[j] * width_ * SoftPlus((pull_m[j] - shortening_[j]) / width_);
+  body_->StaticForce(q, TipWrench(), force_Nm);
+  body_->TendonForce(q, tension_, tendon_force_);
+  force_Nm -= tendon_force_;
+}
+
+void HeldStatics::Linearise(ConstVectorRef pull_m, ConstVectorRef q) {
+  body_->TendonShortening(q, shortening_, length_jacobian_);
+  for (Eigen::Index j = 0; j < tension_.size(); ++j)
+    tension_[j] = stiffness_[j] * width_ * SoftPlus((pull_m[j] - shortening_[j]) / width_);
+  body_->TangentStiffness(q, tension_, TipWrench(), tangent_);
+  for (Eigen::Index j = 0; j < tension_.size(); ++j) {
+    const double stiffness = stiffness_[j] * Logistic((pull_m[j] - shortening_[j]) / width_);
+    tangent_.noalias() += stiffness * length_jacobian_.row(j).transpose() * length_jacobian_.row(j);
+  }
+}
+
+bool HeldStatics::Solve(ConstVectorRef pull_m, VectorRef q) {
+  constexpr int kSteps = 60, kHalvings = 12;
+  constexpr double kLongest = 0.5;                // of a coordinate in one step
+  constexpr double kSmall = 1e-10, kFair = 1e-7;  // of the largest moment that the tendons can make
+  const double scale =
+      stiffness_.maxCoeff() * body_->parameters().largest_hole_m() * body_->parameters().largest_hole_m();
+  Residual(pull_m, q, force_);
+  for (int n = 0; n < kSteps; ++n) {
+    Linearise(pull_m, q);
+    const double norm = force_.norm();
+    if (norm < kSmall * scale) return true;
+    step_ = -tangent_.partialPivLu().solve(force_);
+    double share = std::min(1.0, kLongest / std::max(step_.cwiseAbs().maxCoeff(), 1e-300));
+    bool nearer = false;
+    for (int half = 0; half < kHalvings && !nearer; ++half, share /= 2) {
+      trial_ = q + share * step_;
+      Residual(pull_m, trial_, trial_force_);
+      nearer = trial_force_.allFinite() && trial_force_.norm() < norm;
+    }
+    if (!nearer) return norm < kFair * scale;
+    q = trial_;
+    force_.swap(trial_force_);
+  }
+  return force_.norm() < kFair * scale;
+}
+
+}  // namespace tendril::model
