@@ -12,6 +12,7 @@
 
 #include "comparable.h"
 #include "free_numbers.h"
+#include "interval.h"
 #include "learn.h"
 #include "measurement_check.h"
 #include "readable.h"
@@ -21,8 +22,6 @@
 
 namespace tendril::gap {
 namespace {
-
-constexpr double kTwoSided95 = 1.959964;
 
 class Calibrating {
  public:

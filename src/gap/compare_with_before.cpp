@@ -8,6 +8,8 @@
 #include <string>
 #include <utility>
 
+#include "postures/diagnose_postures.h"
+#include "postures/states.h"
 #include "tendril/config/config.h"
 #include "tendril/gap/data_set.h"
 #include "text.h"
@@ -49,11 +51,16 @@ void CompareWithBefore(DataSet& set, DataSet before) {
     }
     return only;
   };
+  // Where the robot is learned from the runs before, their commands need not be those after.
+  before.robot = set.robot;
+  const bool learned = CanLearnPostures(before) && ShowsPostures(set);
+  if (learned) set.fit_frame = set.fit_frame || before.fit_frame;
   std::string alone;
   std::map<std::string, std::string> partner;
   for (const Run& run : set.runs) {
     const Run* its = named(before, run.name);
     if (its == nullptr && only_of_kind(set, run.family) != nullptr) its = only_of_kind(before, run.family);
+    if (its == nullptr && learned) its = &before.runs.front();
     if (its != nullptr) {
       partner.emplace(run.name, its->name);
     } else {
@@ -84,7 +91,7 @@ void CompareWithBefore(DataSet& set, DataSet before) {
     run.name = called.at(run.name);
     run.repeat_of.clear();
     run.before.clear();
-    if (IsBefore(set, run)) set.runs.push_back(std::move(run));
+    if (learned || IsBefore(set, run)) set.runs.push_back(std::move(run));
   }
   for (const auto& note : before.notes) set.notes.push_back("before: " + note);
 }

@@ -24,6 +24,7 @@
 #include "locate.h"
 #include "measured_wrong.h"
 #include "measurement_check.h"
+#include "postures/diagnose_postures.h"
 #include "reach.h"
 #include "readable.h"
 #include "repeatability.h"
@@ -525,6 +526,7 @@ class Diagnosing {
 }  // namespace
 
 Diagnosis Diagnose(const DataSet& given, const DiagnoseOptions& options) {
+  if (CanDiagnosePostures(given)) return DiagnosePostures(given, options);
   return Diagnosing(given, options).Result();
 }
 

@@ -50,22 +50,21 @@ Uncertainty UncertaintyOf(const RobotParameters& file, const FileNumber& number)
   return UsualUncertainty(WithoutTendon(number.key));
 }
 
-/// Standard deviation of a number's change; none for one that is known.
-std::optional<double> DeviationOf(const FileNumber& number, const Uncertainty& u) {
+}  // namespace
+
+std::optional<double> DeviationOf(double in_file, bool angle, const Uncertainty& u) {
   switch (u.kind) {
     case Uncertainty::Kind::kKnown:
       return std::nullopt;
     case Uncertainty::Kind::kUnknown:
-      return number.angle ? kUnknown_rad : kUnknownFactor;
+      return angle ? kUnknown_rad : kUnknownFactor;
     case Uncertainty::Kind::kShare:
-      return number.angle ? u.deviation * std::abs(number.in_file) : u.deviation;
+      return angle ? u.deviation * std::abs(in_file) : u.deviation;
     case Uncertainty::Kind::kAbsolute:
-      return number.angle ? u.deviation : u.deviation / std::abs(number.in_file);
+      return angle ? u.deviation : u.deviation / std::abs(in_file);
   }
   return std::nullopt;
 }
-
-}  // namespace
 
 RobotParameters FreeNumbers::Robot(const RobotParameters& file, const Eigen::VectorXd& x) const {
   RobotParameters robot = file;
@@ -125,7 +124,7 @@ FreeNumbers FreeNumbersOf(const RobotParameters& file) {
       return other.tendon > 0 && WithoutTendon(other.key) == number.key;
     });
     if (of_each || !number.may_be_open) continue;
-    const auto deviation = DeviationOf(number, UncertaintyOf(file, number));
+    const auto deviation = DeviationOf(number.in_file, number.angle, UncertaintyOf(file, number));
     if (!deviation) {
       free.known.push_back(number.key);
       continue;

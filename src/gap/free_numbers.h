@@ -8,6 +8,7 @@
 
 #include "file_numbers.h"
 #include "hypothesis.h"
+#include "tendril/core/uncertainty.h"
 
 namespace tendril::gap {
 
@@ -32,6 +33,10 @@ struct FreeNumbers {
   /// Changes of the numbers, then those of a free cause at its present values.
   Eigen::VectorXd StartAt(const Eigen::VectorXd& of_numbers) const;
 };
+
+/// Standard deviation of the change of a number that is `in_file`, as FileNumber::apply takes it: of the
+/// exponent of a factor, or of an angle; none for one that is known.
+std::optional<double> DeviationOf(double in_file, bool angle, const Uncertainty& uncertainty);
 
 /// Priors are those of the file, else the usual ones of such numbers. Holes drilled alike are off alike:
 /// their priors are correlated.

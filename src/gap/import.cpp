@@ -105,9 +105,9 @@ class Importer {
  private:
   // ---- columns ----
 
-  std::array<const std::vector<MappedColumn>*, 7> Groups() const {
+  std::array<const std::vector<MappedColumn>*, 8> Groups() const {
     return {&map_.torque_target, &map_.torque_actual, &map_.motor_position, &map_.tension,
-            &map_.tip,           &map_.orientation,   &map_.bending};
+            &map_.tip,           &map_.disks,         &map_.orientation,    &map_.bending};
   }
 
   std::vector<CellKind> Choose(const std::vector<std::string>& names) {
@@ -358,6 +358,11 @@ class Importer {
         if (!run.tip_m.row(i).allFinite()) run.tip_m.row(i).setConstant(kNoReading);
       }
     }
+    run.disks_m = Fill(map_.disks, rows);
+    for (Eigen::Index d = 0; d < run.disks_m.cols(); d += 3) {
+      const Eigen::MatrixXd disk = run.disks_m.middleCols(d, 3) * map_.R_base_table.transpose();
+      run.disks_m.middleCols(d, 3) = disk.rowwise() + (map_.offset_m + rest_offset_m_).transpose();
+    }
     if (map_.orientation.empty()) return;
     const Eigen::MatrixXd numbers = Fill(map_.orientation, rows);
     run.tip_quaternion.setConstant(numbers.rows(), 4, kNoReading);
@@ -454,7 +459,7 @@ DataSet ImportTables(const std::string& map_path, const std::vector<std::string>
   const ImportMap map = LoadImportMap(map_path, robot);
   DataSet set;
   set.robot = robot;
-  set.fit_frame = map.fit_frame && !map.tip.empty();
+  set.fit_frame = map.fit_frame && (!map.tip.empty() || !map.disks.empty());
   std::set<std::string> taken;
   for (const std::string& table : tables) {
     try {

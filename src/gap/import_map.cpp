@@ -89,10 +89,12 @@ class Reader {
         {"motor_position", &map_.motor_position},
         {"tension", &map_.tension},
         {"tip", &map_.tip},
+        {"disks", &map_.disks},
         {"orientation", &map_.orientation},
         {"bending", &map_.bending}};
     for (const auto& [channel, columns] : groups) {
-      const bool a_tendon = columns != &map_.tip && columns != &map_.orientation && columns != &map_.bending;
+      const bool a_tendon = columns != &map_.tip && columns != &map_.disks && columns != &map_.orientation &&
+                            columns != &map_.bending;
       for (const MappedColumn& column : *columns) use(channel, column.name, a_tendon);
     }
   }
@@ -299,6 +301,7 @@ class Reader {
         block.Fail("tip", "lacks an axis", "three column names");
       }
     }
+    if (has("disks")) Disks(block.Sub("disks"));
     if (has("orientation")) Orientation(block.Sub("orientation"));
     if (has("bending")) {
       YamlBlock bending = block.Sub("bending");
@@ -314,7 +317,26 @@ class Reader {
     block.Close();
     if (!any)
       block.Fail("", "names no column",
-                 "torque_target, torque_actual, motor_position, tension, tip, orientation, bending");
+                 "torque_target, torque_actual, motor_position, tension, tip, disks, orientation, bending");
+  }
+
+  void Disks(YamlBlock block) {
+    const double unit = block.Choice("unit", kLengths, "m");
+    const int disks = robot_.body.disks();
+    map_.disks.resize(static_cast<std::size_t>(3 * disks));
+    bool any = false;
+    for (int d = 1; d <= disks; ++d) {
+      const std::string key = std::to_string(d);
+      if (!block.Has(key.c_str())) continue;
+      any = true;
+      const std::vector<std::string> names = block.Texts(key.c_str(), 3, "columns of x, y and z");
+      for (std::size_t i = 0; i < 3; ++i) {
+        if (names[i].empty()) block.Fail(key.c_str(), "lacks an axis", "three column names");
+        map_.disks[static_cast<std::size_t>(3 * (d - 1)) + i] = {names[i], unit, 0};
+      }
+    }
+    block.Close();
+    if (!any) block.Fail("", "names no disk", fmt::format("1 to {}, such as 1: [x1, y1, z1]", disks));
   }
 
   void Orientation(YamlBlock block) {

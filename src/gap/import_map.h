@@ -46,6 +46,7 @@ struct ImportMap {
 
   std::vector<MappedColumn> torque_target, torque_actual, motor_position, tension;  // by tendon, or empty
   std::vector<MappedColumn> tip;                                                    // x, y, z, or empty
+  std::vector<MappedColumn> disks;  // x, y, z of every disk, without names where it has no marker; or empty
   OrientationKind orientation_kind = OrientationKind::kNone;
   std::vector<MappedColumn> orientation;  // w, x, y, z; or the matrix row by row; or three angles
   std::string euler_order;                // "XYZ" about the turned axes, "xyz" about the fixed ones

@@ -40,8 +40,9 @@ std::optional<Run> WithoutEmptyRows(const Run& run) {
   std::vector<int> kept;
   for (Eigen::Index i = 0; i < rows; ++i) {
     bool any = false;
-    for (const auto* values : {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad,
-                               &run.tension_N, &run.tip_m, &run.tip_quaternion, &run.bending_rad})
+    for (const auto* values :
+         {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N, &run.tip_m,
+          &run.tip_quaternion, &run.bending_rad, &run.disks_m})
       any = any || (values->rows() == rows && values->row(i).array().isFinite().any());
     if (any) kept.push_back(static_cast<int>(i));
   }
@@ -104,9 +105,9 @@ class Preparing {
 
     const double usual_s = UsualStep(run_);
     if (usual_s < kFastestRows_s)
-      throw std::runtime_error(
-          fmt::format("{}: its rows are {:.3g} s apart; accepted: {:g} s or more; t_s is in seconds, so convert it",
-                      run_.name, usual_s, kFastestRows_s));
+      throw std::runtime_error(fmt::format(
+          "{}: its rows are {:.3g} s apart; accepted: {:g} s or more; t_s is in seconds, so convert it",
+          run_.name, usual_s, kFastestRows_s));
     const bool at_rest = usual_s > kQuasiStatic_s;
     sampled_s_ = at_rest ? usual_s : GridStep(run_, usual_s);
     out_.signals.at_rest = at_rest;
@@ -433,7 +434,7 @@ Run OfRows(const Run& run, const std::vector<int>& rows) {
   Run out = run;
   out.time_s = run.time_s(rows);
   for (auto* values : {&out.torque_target_Nm, &out.torque_actual_Nm, &out.motor_position_rad, &out.tension_N,
-                       &out.tip_m, &out.tip_quaternion, &out.bending_rad}) {
+                       &out.tip_m, &out.tip_quaternion, &out.bending_rad, &out.disks_m}) {
     if (values->rows() == run.time_s.size()) *values = (*values)(rows, Eigen::all).eval();
   }
   return out;

@@ -285,6 +285,7 @@ Json WriteClosed(const Diagnosis& d) {
     j["before"] = ToJson(c.before_rms);
     j["after"] = ToJson(c.after_rms);
     j["ceiling"] = ToJson(c.ceiling_rms);
+    if (c.as_filed_rms) j["as_filed"] = ToJson(*c.as_filed_rms);
     j["floor"] = ToJson(c.floor_rms);
     j["unit"] = c.unit;
     j["cut"] = ToJson(c.cut);
@@ -315,6 +316,7 @@ void ReadClosed(const Json& j, Diagnosis& d) {
     r("before", c.before_rms);
     r("after", c.after_rms);
     r("ceiling", c.ceiling_rms);
+    if (value.contains("as_filed")) r("as_filed", c.as_filed_rms);
     r("floor", c.floor_rms);
     r("unit", c.unit);
     r("cut", c.cut);

@@ -125,6 +125,8 @@ std::vector<ReportField> ReportFields() {
       "Rms of the residual with the nominal robot, on held-out runs.");
   add("closed.channels.NAME.after", "number", "The same with the accepted causes.");
   add("closed.channels.NAME.ceiling", "number or null", "The same with everything refitted at once.");
+  add("closed.channels.NAME.as_filed", "number",
+      "The same with the numbers of the robot file, where `before` has those learned from earlier runs.");
   add("closed.channels.NAME.floor", "number", "What noise and repetition explain.");
   add("closed.channels.NAME.unit", "text", "Unit of these.");
   add("closed.channels.NAME.cut", "C0 .. C6", "The place in the chain.");

@@ -60,31 +60,52 @@ const ColumnOf kColumns[] = {
     {{"tip_qz", "", "The same, z."}, &Run::tip_quaternion},
     {{"us_k", "rad", "Bending of section k, θ cos β."}, &Run::bending_rad},
     {{"vs_k", "rad", "Bending of section k, θ sin β."}, &Run::bending_rad},
+    {{"disk_x_m_d", "m",
+      "Position of disk d by a tracker, x in the base frame; disk 1 is the one nearest the base."},
+     &Run::disks_m},
+    {{"disk_y_m_d", "m", "The same, y."}, &Run::disks_m},
+    {{"disk_z_m_d", "m", "The same, z."}, &Run::disks_m},
 };
 
-/// The column of tendon or section `n`: "tension_N_2" of "tension_N_j".
+/// The column of tendon, section or disk `n`: "tension_N_2" of "tension_N_j".
 std::string Numbered(std::string_view name, int n) {
   return fmt::format("{}{}", name.substr(0, name.size() - 1), n);
 }
 
-std::vector<Block> Blocks(int tendons, int sections) {
+struct Counts {
+  int tendons = 0, sections = 0, disks = 0;
+};
+
+/// Of how many a column is one: 0 for a column of the robot's.
+int CountOf(std::string_view column, const Counts& counts) {
+  if (column.ends_with("_j")) return counts.tendons;
+  if (column.ends_with("_k")) return counts.sections;
+  return column.ends_with("_d") ? counts.disks : 0;
+}
+
+std::vector<Block> Blocks(const Counts& counts) {
   std::vector<Block> blocks;
-  for (const ColumnOf& column : kColumns) {
-    const bool each_tendon = column.text.name.ends_with("_j"),
-               each_section = column.text.name.ends_with("_k");
-    if (blocks.empty() || blocks.back().matrix != column.matrix)
-      blocks.push_back({column.matrix, {}, !each_tendon && !each_section});
-    Block& block = blocks.back();
-    if (block.whole) block.names.emplace_back(column.text.name);
-    for (int j = 1; each_tendon && j <= tendons; ++j) block.names.push_back(Numbered(column.text.name, j));
-  }
-  // The two columns of a section are adjacent.
-  for (int k = 1; k <= sections; ++k) {
-    for (const ColumnOf& column : kColumns) {
-      if (column.text.name.ends_with("_k")) blocks.back().names.push_back(Numbered(column.text.name, k));
+  for (std::size_t first = 0; first < std::size(kColumns);) {
+    std::size_t end = first;
+    while (end < std::size(kColumns) && kColumns[end].matrix == kColumns[first].matrix) ++end;
+    const std::string_view name = kColumns[first].text.name;
+    const bool whole = CountOf(name, {1, 1, 1}) == 0;
+    blocks.push_back({kColumns[first].matrix, {}, whole});
+    // The columns of a section or a disk are adjacent.
+    for (int n = 1; n <= (whole ? 1 : CountOf(name, counts)); ++n) {
+      for (std::size_t c = first; c < end; ++c) {
+        const std::string_view column = kColumns[c].text.name;
+        blocks.back().names.push_back(whole ? std::string(column) : Numbered(column, n));
+      }
     }
+    first = end;
   }
   return blocks;
+}
+
+/// Its columns are one a tendon.
+bool IsOfTendons(const Block& block) {
+  return !block.whole && block.matrix != &Run::bending_rad && block.matrix != &Run::disks_m;
 }
 
 std::string Listed(const std::vector<std::string>& names) {
@@ -146,8 +167,8 @@ class Columns {
 /// Highest tendon number in canonical names; 0: none.
 int TendonsNamed(const Columns& columns, const std::string& where) {
   int most = 0;
-  for (const Block& block : Blocks(kMaxTendons, 0)) {
-    if (block.whole) continue;
+  for (const Block& block : Blocks({.tendons = kMaxTendons})) {
+    if (!IsOfTendons(block)) continue;
     for (int j = 0; j < static_cast<int>(block.names.size()); ++j) {
       if (columns.Find(block.names[static_cast<std::size_t>(j)], where) >= 0) most = std::max(most, j + 1);
     }
@@ -186,7 +207,8 @@ class TableReader {
     if (time_column_ < 0) RefuseWithoutTime(names, where);
     kinds[static_cast<std::size_t>(time_column_)] = CellKind::kNumber;
     named_ = TendonsNamed(in_file, where);
-    blocks_ = Blocks(std::max(robot_.body.tendons(), named_), static_cast<int>(robot_.body.sections.size()));
+    blocks_ = Blocks({std::max(robot_.body.tendons(), named_), static_cast<int>(robot_.body.sections.size()),
+                      robot_.body.disks()});
     for (const Block& block : blocks_) {
       columns_.push_back(ColumnsOf(block, in_file, where));
       for (const int c : columns_.back()) {
@@ -202,8 +224,10 @@ class TableReader {
       throw TableError(fmt::format(
           "{}: no usable column; there are: {}; accepted: torque_target_Nm_j, torque_actual_Nm_j, "
           "motor_position_rad_j, tension_N_j (j = 1..{}), tip_x_m, tip_y_m, tip_z_m, tip_qw, tip_qx, tip_qy, "
-          "tip_qz, us_k, vs_k; rename them or use tendril gap import with a column map",
-          where, Listed(names), robot_.body.tendons()));
+          "tip_qz, us_k, vs_k (k = 1..{}), disk_x_m_d, disk_y_m_d, disk_z_m_d (d = 1..{}); rename them or "
+          "use "
+          "tendril gap import with a column map",
+          where, Listed(names), robot_.body.tendons(), robot_.body.sections.size(), robot_.body.disks()));
     }
     return kinds;
   }
@@ -226,7 +250,8 @@ class TableReader {
       if (found.back() < 0) missing.push_back(column);
     }
     if (missing.size() == block.names.size()) return {};
-    if (missing.empty()) return found;
+    // Few labs put a marker on every disk.
+    if (missing.empty() || block.matrix == &Run::disks_m) return found;
     run_.notes.push_back(
         fmt::format("columns missing: {}{}", Listed(missing),
                     block.whole ? "; the others of their kind cannot be used without them" : ""));
@@ -270,8 +295,8 @@ class TableReader {
         }
       }
       // Tendons without any column may still exist.
-      const bool a_tendon = !blocks_[b].whole && blocks_[b].matrix != &Run::bending_rad;
-      if (a_tendon && named_ < matrix.cols()) matrix.conservativeResize(Eigen::NoChange, named_);
+      if (IsOfTendons(blocks_[b]) && named_ < matrix.cols())
+        matrix.conservativeResize(Eigen::NoChange, named_);
     }
   }
 
@@ -315,10 +340,10 @@ Run ReadRunTable(const std::filesystem::path& file, const RobotParameters& robot
 
 RunTable TableOf(const Run& run) {
   RunTable table{{"t_s"}, run.time_s};
-  const auto tendons = [](const Eigen::MatrixXd& m) { return static_cast<int>(m.cols()); };
-  const int most = std::max({tendons(run.torque_target_Nm), tendons(run.torque_actual_Nm),
-                             tendons(run.motor_position_rad), tendons(run.tension_N)});
-  for (const Block& block : Blocks(most, tendons(run.bending_rad) / 2)) {
+  const auto columns = [](const Eigen::MatrixXd& m) { return static_cast<int>(m.cols()); };
+  const int tendons = std::max({columns(run.torque_target_Nm), columns(run.torque_actual_Nm),
+                                columns(run.motor_position_rad), columns(run.tension_N)});
+  for (const Block& block : Blocks({tendons, columns(run.bending_rad) / 2, columns(run.disks_m) / 3})) {
     const Eigen::MatrixXd& matrix = run.*block.matrix;
     if (matrix.cols() > 0 && matrix.rows() != run.time_s.size()) {
       throw std::runtime_error(fmt::format("run {}: {} has {} rows, the time {}", run.name,

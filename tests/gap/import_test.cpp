@@ -263,6 +263,26 @@ TEST_F(ImportTest, WrongMapsAreNamedWithTheirLineAndWhatIsAccepted) {
          "did you mean 'servo_2_mm'?; there are: t, servo_1_mm, servo_2_mm, x");
 }
 
+TEST_F(ImportTest, MarkersOnDisksAreInTheBaseFrameLikeTheTip) {
+  const DataSet set = Import(
+      "time: {column: t}\n"
+      "columns:\n"
+      "  motor_position: {names: [a, b, c], unit: deg}\n"
+      "  disks: {unit: mm, 1: [x1, y1, z1], 3: [x3, y3, z3]}\n"
+      "frame: {axes: [x, z, -y], offset_m: [0, 0, 0.1]}\n",
+      "t,a,b,c,x1,y1,z1,x3,y3,z3\n0,1,2,3,4,5,6,7,8,9\n1,1,2,3,4,5,6,7,,9\n");
+  const Eigen::MatrixXd& disks = set.runs.at(0).disks_m;
+  ASSERT_EQ(disks.cols(), 3 * robot_.body.disks());
+  EXPECT_TRUE(disks.row(0).segment<3>(0).isApprox(Eigen::RowVector3d(0.004, 0.006, 0.095), 1e-12));
+  EXPECT_TRUE(disks.row(0).segment<3>(6).isApprox(Eigen::RowVector3d(0.007, 0.009, 0.092), 1e-12));
+  EXPECT_TRUE(disks.middleCols(3, 3).array().isNaN().all());
+  EXPECT_TRUE(std::isnan(disks(1, 6 + 2)));  // of a reading that the table lacks
+  const std::string map = "time: {column: t}\ncolumns: {disks: ";
+  EXPECT_THAT(Refusal(map + "{9: [x, y, z]}}\n", "t,x,y,z\n0,1,2,3\n"), HasSubstr("columns.disks"));
+  EXPECT_THAT(Refusal(map + "{1: [x, y]}}\n", "t,x,y,z\n0,1,2,3\n"), HasSubstr("columns.disks.1"));
+  EXPECT_THAT(Refusal(map + "{unit: mm}}\n", "t,x,y,z\n0,1,2,3\n"), HasSubstr("names no disk"));
+}
+
 TEST_F(ImportTest, MillimetresTakenForMetresAreNoticed) {
   std::string table = "t,x,y,z\n";
   for (int i = 0; i < 200; ++i)
@@ -279,11 +299,12 @@ TEST_F(ImportTest, NoBytesCrashMapOrTable) {
   std::ifstream in(kSource + "/config/import/every_key_map.yaml");
   const std::string map((std::istreambuf_iterator<char>(in)), {});
   const std::string table =
-      "timestamp,label,i_cmd_1,i_cmd_2,i_cmd_3,i_1,i_2,i_3,enc_1,enc_2,enc_3,cell_1,cell_3,X,Y,Z,qx,qy,qz,qw,"
-      "theta,phi\n"
-      "1,rep1_a,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,0,1,1,2\n2,rep1_a,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,0,1,1,2\n"
-      "3,rep1_b,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,0,1,1,2\n4,rep1_b,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,0,1,1,"
-      "2\n";
+      "timestamp,label,i_cmd_1,i_cmd_2,i_cmd_3,i_1,i_2,i_3,enc_1,enc_2,enc_3,cell_1,cell_3,X,Y,Z,X1,Y1,Z1,qx,"
+      "qy,qz,qw,theta,phi\n"
+      "1,rep1_a,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2\n"
+      "2,rep1_a,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2\n"
+      "3,rep1_b,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2\n"
+      "4,rep1_b,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2\n";
   ASSERT_EQ(Refusal(map, table), "");
   std::mt19937 random(3);
   const auto mutate = [&](std::string text) {
@@ -380,7 +401,9 @@ TEST_F(PublishedTest, ATrunkWithPairsOfTendons) {
   EXPECT_EQ(run.motor_position_rad.col(0), -run.motor_position_rad.col(2));
   // It hangs along +z of its base and is about as long as its file says.
   EXPECT_NEAR(run.tip_m.col(2).maxCoeff(), set.robot.body.length_m(), 0.03);
-  EXPECT_THAT(run.notes, Contains(HasSubstr("x1, y1, z1, x2, y2, z2")));
+  // Its first two disks are where the file's sections end.
+  EXPECT_NEAR(run.disks_m.col(3 * 2 + 2).maxCoeff(), 0.105, 0.02);
+  EXPECT_NEAR(run.disks_m.col(3 * 5 + 2).maxCoeff(), 0.199, 0.02);
 }
 
 TEST_F(ImportTest, DecimalCommasInQuotesAreReadWhereTheMapSaysSo) {

@@ -40,6 +40,9 @@ struct Run {
   double tip_quaternion_step =
       0;  // resolution of the quaternion's numbers in a table of few decimal places; 0: full precision
   Eigen::MatrixXd bending_rad;        // S x 2K: (us, vs) per section, where the log has it
+  /// S x 3D: the centre of every disk in the tracker's frame; NaN where it has no marker. Where the last
+  /// disk has none, tip_m stands for it.
+  Eigen::MatrixXd disks_m;
   std::vector<std::string> notes;     // remarks on the file, one line each
   std::vector<std::string> warnings;  // what was dropped or repaired on reading, one line each
 };
@@ -69,16 +72,17 @@ DataSet LoadLogs(const std::vector<std::string>& paths, const std::string& robot
                  OtherRobot other_robot = OtherRobot::kRefused);
 
 /// Adds the runs of `before` and pairs each run of the set with the one of the same name there, or else with
-/// the only one of the same family. Runs without a partner are left out with a note. A different robot file
-/// is noted, and the set's own is used for both. Throws std::runtime_error when no run has a partner or the
-/// number of tendons differs.
+/// the only one of the same family. Where the runs before show enough of a robot whose motors hold positions
+/// to learn it from, a run without a partner is compared with all of them; other runs without a partner are
+/// left out with a note. A different robot file is noted, and the set's own is used for both. Throws
+/// std::runtime_error when no run has a partner or the number of tendons differs.
 void CompareWithBefore(DataSet& set, DataSet before);
 /// True where another run is compared with this one.
 bool IsBefore(const DataSet& set, const Run& run);
 
 /// A canonical CSV column, or a key of runs.yaml.
 struct ColumnText {
-  std::string_view name;  // "tension_N_j": j counts tendons from 1, k sections from 1
+  std::string_view name;  // "tension_N_j": j counts tendons from 1, k sections, d disks
   std::string_view unit;
   std::string_view meaning;
 };

@@ -68,6 +68,7 @@ struct Closure {
   double before_rms = 0, after_rms = 0, floor_rms = 0;
   std::optional<Estimate> closed;       // empty: no significant gap at this place
   std::optional<double> ceiling_rms{};  // rms left when all parameters are refitted at once
+  std::optional<double> as_filed_rms{};  // with the file's numbers, where `before` has those of earlier runs
 };
 
 /// Closure of the tip's position error for each family; with at least three families, each is predicted by a

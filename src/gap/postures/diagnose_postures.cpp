@@ -1,0 +1,302 @@
+#include "diagnose_postures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "../interval.h"
+#include "../readable.h"
+#include "../sentence.h"
+#include "posterior.h"
+#include "tendril/config/config.h"
+#include "tendril/core/parallel.h"
+#include "tendril/core/version.h"
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kWorthNaming = 0.05;  // probability of a number that is to be checked
+constexpr std::size_t kInReport = 12;  // causes listed in the report
+
+std::vector<const Run*> RunsOf(const DataSet& set, bool before) {
+  std::vector<const Run*> runs;
+  for (const Run& run : set.runs) {
+    if (before == run.before.empty()) runs.push_back(&run);
+  }
+  return runs;
+}
+
+bool Enough(const std::vector<const Run*>& runs, const RobotParameters& robot) {
+  if (runs.empty()) return false;
+  try {
+    return PosturesOf(runs, robot).states() >= kLeastPostures;
+  } catch (const std::runtime_error&) {
+    return false;  // no common markers, or nothing read together
+  }
+}
+
+class Diagnosing {
+ public:
+  Diagnosing(const DataSet& given, const DiagnoseOptions& options)
+      : readable_(Readable(given, d_.degradations)),
+        set_(readable_.set),
+        options_(options),
+        threads_(options.threads > 0 ? options.threads : AllCores()) {}
+
+  Diagnosis Result() {
+    before_ = PosturesOf(RunsOf(set_, true), set_.robot);
+    after_ = PosturesOf(RunsOf(set_, false), set_.robot);
+    KeepCommonDisks();
+    learned_ = LearnPostures(set_.robot, before_, !set_.fit_frame,
+                             {threads_, Stage("learning the robot from the runs before the change")});
+    search_ = SearchChange(learned_, set_.robot, after_,
+                           {options_.refits, options_.without, threads_, Stage("weighing every change")});
+    posterior_ = PosteriorOf(learned_, search_);
+    Provenance();
+    Locate();
+    ListCauses();
+    Decide();
+    Closures();
+    Limits();
+    d_.sentence = WithLeftOut(Preface(d_) + Sentence(d_, set_.robot, ""), set_.notes, d_.runs.size());
+    return std::move(d_);
+  }
+
+ private:
+  std::function<void(double)> Stage(const char* name) const {
+    return [this, name](double fraction) {
+      if (options_.progress) options_.progress(name, fraction);
+    };
+  }
+
+  /// Those that the runs before and after show.
+  void KeepCommonDisks() {
+    std::vector<int> both;
+    std::set_intersection(before_.disks.begin(), before_.disks.end(), after_.disks.begin(),
+                          after_.disks.end(), std::back_inserter(both));
+    if (both.empty())
+      throw std::runtime_error("the runs before and after show no common disk; accepted: the same markers");
+    for (Postures* postures : {&before_, &after_}) {
+      std::vector<Eigen::Index> columns;
+      for (std::size_t p = 0; p < postures->disks.size(); ++p) {
+        if (!std::binary_search(both.begin(), both.end(), postures->disks[p])) continue;
+        for (Eigen::Index i = 0; i < 3; ++i) columns.push_back(3 * static_cast<Eigen::Index>(p) + i);
+      }
+      for (States& run : postures->runs) run.disks_m = run.disks_m(Eigen::all, columns).eval();
+      postures->disks = both;
+    }
+  }
+
+  void Provenance() {
+    d_.robot_name = set_.robot.name;
+    d_.robot_yaml = config::ToYaml(set_.robot);
+    d_.seed = options_.seed;
+    d_.version = Version();
+    d_.revision = GitRevision();
+    d_.held_out_by = "quarters of the runs";
+    for (const Run* run : RunsOf(set_, false)) {
+      const auto named = std::find_if(set_.runs.begin(), set_.runs.end(),
+                                      [&](const Run& other) { return other.name == run->before; });
+      const Eigen::Index rows = run->time_s.size();
+      const double duration_s = std::max(1e-9, run->time_s[rows - 1] - run->time_s[0]);
+      d_.runs.push_back({run->name, run->family, run->repeat_of, run->sha256, duration_s,
+                         static_cast<double>(rows - 1) / duration_s, static_cast<int>(rows), run->before,
+                         named == set_.runs.end() ? "" : named->sha256});
+    }
+  }
+
+  /// "section:2" of a section's last disk, "unit:3" of another.
+  std::string WhereOf(int disk) const {
+    int unit = 0, last = 0;
+    for (std::size_t k = 0; k < set_.robot.body.sections.size(); ++k) {
+      const SectionParameters& section = set_.robot.body.sections[k];
+      last += section.units / section.units_per_disk;
+      if (disk + 1 == last) return fmt::format("section:{}", k + 1);
+      if (disk + 1 < last) {
+        const int within = disk + 1 - (last - section.units / section.units_per_disk);
+        return fmt::format("unit:{}", unit + within * section.units_per_disk);
+      }
+      unit += section.units;
+    }
+    return "all";
+  }
+
+  void Locate() {
+    for (std::size_t p = 0; p < before_.disks.size(); ++p) {
+      CutFinding f;
+      f.cut = sim::Cut::kShape;
+      f.where = WhereOf(before_.disks[p]);
+      f.quantity = "disk position";
+      f.unit = "m";
+      f.rms = DiskRms(search_.before_m, static_cast<int>(p));
+      f.floor = DiskRms(learned_.held_out_m, static_cast<int>(p));
+      f.excess_sigma = ExcessSigma(f.rms, f.floor);
+      f.delta = kMatters * f.floor;
+      f.excess = f.excess_sigma > kMatters && posterior_.none < 0.5;
+      f.p_value = posterior_.none;
+      f.first = f.excess && std::none_of(d_.location.begin(), d_.location.end(),
+                                         [](const CutFinding& other) { return other.first; });
+      d_.delta_m = std::max(d_.delta_m, f.delta);
+      d_.location.push_back(f);
+    }
+  }
+
+  Cause CauseOf(const ChangeFit& fit, double p, int group) const {
+    const PostureChange& change = search_.changes[static_cast<std::size_t>(fit.change)];
+    Cause cause;
+    cause.effect = change.effect->effect->name;
+    cause.where = change.effect->where;
+    cause.p = p;
+    cause.group = group;
+    if (!fit.refined) cause.note = "screened only, not refitted";
+    for (int k = 0; k < change.size(); ++k) {
+      const sim::EffectParameter& parameter = change.effect->parameters[static_cast<std::size_t>(k)];
+      const double value = parameter.nominal + fit.z[k] * change.deviation[k];
+      const double half = kTwoSided95 * std::sqrt(std::max(0.0, fit.covariance(k, k))) * change.deviation[k];
+      cause.parameters[parameter.name] = {value, value - half, value + half};
+      cause.bound_hit |= value < parameter.lower || value > parameter.upper;
+    }
+    return cause;
+  }
+
+  void ListCauses() {
+    double of_numbers = 0;
+    for (std::size_t k = 0; k < search_.fits.size(); ++k) {
+      const ChangeFit& fit = search_.fits[k];
+      const PostureChange& change = search_.changes[static_cast<std::size_t>(fit.change)];
+      if (change.effect) {
+        if (d_.causes.size() < kInReport)
+          d_.causes.push_back(CauseOf(fit, posterior_.fits[k], posterior_.group[k]));
+      } else {
+        of_numbers += posterior_.fits[k];
+        const bool first = !search_.changes[static_cast<std::size_t>(search_.fits.front().change)].effect;
+        if (!first || posterior_.none >= 0.5 || posterior_.fits[k] < kWorthNaming) continue;
+        const double value = change.number->ValueAt(fit.z[0] * change.deviation[0]);
+        d_.suspected.push_back({change.name, change.number->in_file, value, posterior_.closed});
+      }
+    }
+    Cause none, unknown;
+    none.effect = "no_gap";
+    none.p = posterior_.none;
+    unknown.effect = "unknown";
+    unknown.p = posterior_.unlisted + of_numbers;
+    d_.causes.push_back(none);
+    d_.causes.push_back(unknown);
+    std::stable_sort(d_.causes.begin(), d_.causes.end(),
+                     [](const Cause& a, const Cause& b) { return a.p > b.p; });
+  }
+
+  void Decide() {
+    d_.leftover_sigma = posterior_.leftover_sigma;
+    d_.closed = posterior_.closed;
+    d_.doubt = posterior_.doubt;
+    double listed = 0, group = 0;
+    const Cause* first = nullptr;
+    for (const Cause& cause : d_.causes) {
+      if (sim::FindEffect(cause.effect) == nullptr) continue;
+      if (first == nullptr) first = &cause;
+      listed += cause.p;
+    }
+    for (std::size_t k = 0; k < posterior_.fits.size(); ++k) {
+      if (posterior_.group[k] == 1) group += posterior_.fits[k];
+    }
+    constexpr double kClear = 0.8;  // share of its group that names a single cause
+    if (posterior_.none >= 0.5) {
+      d_.verdict = Verdict::kNoGap;
+      d_.doubt.clear();
+    } else if (listed < 0.5 * (1 - posterior_.none) || !d_.doubt.empty()) {
+      d_.verdict = Verdict::kUnexplained;
+    } else if (first->group == 1 && first->p < kClear * group) {
+      d_.verdict = Verdict::kAmbiguousGroup;
+    } else {
+      d_.verdict = Verdict::kAttributed;
+    }
+    if (d_.verdict == Verdict::kAttributed || d_.verdict == Verdict::kAmbiguousGroup) d_.accepted = {*first};
+  }
+
+  void Closures() {
+    if (search_.fits.empty()) return;
+    const Eigen::MatrixXd& after =
+        d_.verdict == Verdict::kNoGap ? search_.before_m : search_.fits.front().held_out_m;
+    for (Eigen::Index c = 0; c < after.cols(); ++c) {
+      const auto rms = [&](const Eigen::MatrixXd& left) {
+        return std::sqrt(left.col(c).squaredNorm() / static_cast<double>(left.rows()));
+      };
+      const int disk = before_.disks[static_cast<std::size_t>(c / 3)];
+      d_.closures.push_back({.channel = fmt::format("disk {} {}", disk + 1, "xyz"[c % 3]),
+                             .unit = "m",
+                             .cut = sim::Cut::kShape,
+                             .before_rms = rms(search_.before_m),
+                             .after_rms = rms(after),
+                             .floor_rms = rms(learned_.held_out_m),
+                             .closed = std::nullopt,
+                             .as_filed_rms = rms(search_.as_filed_m)});
+    }
+  }
+
+  void Limits() {
+    d_.degradations.insert(d_.degradations.end(), set_.notes.begin(), set_.notes.end());
+    d_.degradations.insert(d_.degradations.end(), readable_.contradictions.begin(),
+                           readable_.contradictions.end());
+    if (learned_.unsolved > 0) {
+      d_.degradations.push_back(fmt::format(
+          "{} states without an equilibrium of the learned robot: their disks are those of the state "
+          "before",
+          learned_.unsolved));
+    }
+    d_.degradations.push_back(
+        "the motors hold positions; torques and tensions were not recorded, so drives, drivetrains and "
+        "tendons "
+        "(C1 to C3) cannot be judged, mistakes of measurement were not searched for, and loads come out "
+        "relative "
+        "to the robot's own weight and stiffness");
+    d_.degradations.push_back(fmt::format(
+        "the robot as learned from the runs before predicts disks with an error of {} mm in states "
+        "that it was not fitted to, which is taken as the floor",
+        FloorText()));
+    for (const Postures* postures : {&before_, &after_}) {
+      for (const States& run : postures->runs) {
+        if (run.lost > 0)
+          d_.degradations.push_back(
+              fmt::format("run {}: {} of {} states without a reading of a motor or a disk", run.run, run.lost,
+                          run.lost + run.time_s.size()));
+      }
+    }
+    if (!learned_.converged)
+      d_.degradations.push_back("the numbers of the robot had not settled after the allowed steps");
+  }
+
+  std::string FloorText() const {
+    std::string text;
+    for (int p = 0; p < static_cast<int>(before_.disks.size()); ++p)
+      text += fmt::format("{}{:.1f}", p > 0 ? " / " : "", 1e3 * DiskRms(learned_.held_out_m, p));
+    return text;
+  }
+
+  Diagnosis d_;
+  const ReadableSet readable_;
+  const DataSet& set_;
+  const DiagnoseOptions& options_;
+  const int threads_;
+  Postures before_, after_;
+  LearnedPostures learned_;
+  ChangeSearch search_;
+  ChangePosterior posterior_;
+};
+
+}  // namespace
+
+bool CanLearnPostures(const DataSet& set) {
+  return ShowsPostures(set) && Enough(RunsOf(set, true), set.robot);
+}
+
+bool CanDiagnosePostures(const DataSet& set) {
+  return CanLearnPostures(set) && Enough(RunsOf(set, false), set.robot);
+}
+
+Diagnosis DiagnosePostures(const DataSet& set, const DiagnoseOptions& options) {
+  return Diagnosing(set, options).Result();
+}
+
+}  // namespace tendril::gap

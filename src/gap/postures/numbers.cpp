@@ -1,0 +1,165 @@
+// One entry for each section, tendon and axis.
+#include "numbers.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <initializer_list>
+
+#include "../free_numbers.h"
+
+namespace tendril::gap {
+namespace {
+
+// Priors of what no file holds.
+constexpr double kZero = 0.25;          // of a tendon's zero, over its distance from the backbone: a bend
+constexpr double kRestBend_rad = 0.15;  // of a section without load
+constexpr double kTilt_rad = 0.05;      // of the base
+constexpr double kAnyWay_rad = 1.5;     // of one that nobody wrote down
+constexpr double kLag_s = 0.1;
+constexpr double kPlaced = 0.01,
+                 kPlaced_rad = 0.02;  // of a tracker placed with care: of the length, and turned
+constexpr double kGuessed = 0.5, kGuessed_rad = 0.5;  // of one whose frame was read from the data
+
+class Listing {
+ public:
+  Listing(const RobotParameters& robot, bool frame_is_known) : robot_(robot), known_(frame_is_known) {}
+
+  std::vector<PostureNumber> All() {
+    for (std::size_t k = 0; k < robot_.body.sections.size(); ++k) OfSection(k);
+    std::size_t tendon = 0;
+    for (std::size_t k = 0; k < robot_.body.sections.size(); ++k) {
+      for (std::size_t j = 0; j < robot_.body.sections[k].tendons.size(); ++j) OfTendon(k, j, tendon++);
+    }
+    OfMount();
+    return std::move(all_);
+  }
+
+ private:
+  /// What the file says of the first of these keys that it speaks of, else what is usual.
+  Uncertainty Known(std::initializer_list<std::string> keys) const {
+    for (const std::string& key : keys) {
+      if (const auto found = robot_.uncertain.find(key); found != robot_.uncertain.end())
+        return found->second;
+    }
+    return UsualUncertainty(*keys.begin());
+  }
+
+  /// A number of the file at `place`, a function that gives a reference to it.
+  template <class Place>
+  void Add(std::string key, const Uncertainty& known, bool additive, Place place) {
+    RobotParameters copy = robot_;
+    const double in_file = place(copy);
+    const auto deviation = DeviationOf(in_file, additive, known);
+    if (!deviation || (in_file == 0 && !additive)) return;
+    all_.push_back({.key = std::move(key),
+                    .deviation = *deviation,
+                    .apply =
+                        [place, additive](PostureRobot& robot, double change) {
+                          double& number = place(robot.robot);
+                          number = additive ? number + change : number * std::exp(change);
+                        },
+                    .value = [place](RobotParameters robot) { return place(robot); },
+                    .additive = additive});
+  }
+  /// One that no file holds.
+  void Add(std::string key, double deviation, std::function<void(PostureRobot&, double)> apply) {
+    all_.push_back({std::move(key), deviation, std::move(apply), {}, true});
+  }
+
+  void OfSection(std::size_t k) {
+    const SectionParameters& section = robot_.body.sections[k];
+    const auto add = [&](const char* word, double& (*of)(SectionParameters&)) {
+      const std::string key = fmt::format("body.sections[{}].{}", k + 1, word);
+      Add(key, Known({key}), false,
+          [k, of](RobotParameters& robot) -> double& { return of(robot.body.sections[k]); });
+    };
+    add("unit_length_m", [](SectionParameters& s) -> double& { return s.unit_length_m; });
+    add("youngs_modulus_Pa", [](SectionParameters& s) -> double& { return s.youngs_modulus_Pa; });
+    add("unit_mass_kg", [](SectionParameters& s) -> double& { return s.unit_mass_kg; });
+    if (section.disk_mass_kg > 0)
+      add("disk_mass_kg", [](SectionParameters& s) -> double& { return s.disk_mass_kg; });
+    if (section.extension && section.axial_stiffness_N)
+      add("axial_stiffness_N", [](SectionParameters& s) -> double& { return *s.axial_stiffness_N; });
+    if (section.torsion && section.torsional_stiffness_Nm2) {
+      add("torsional_stiffness_Nm2",
+          [](SectionParameters& s) -> double& { return *s.torsional_stiffness_Nm2; });
+    }
+    if (section.shear && section.shear_stiffness_N)
+      add("shear_stiffness_N", [](SectionParameters& s) -> double& { return *s.shear_stiffness_N; });
+    int first = 1;
+    for (std::size_t i = 0; i < k; ++i) first += robot_.body.sections[i].units;
+    const int units = section.units;
+    for (double UnitDeviation::*bend : {&UnitDeviation::rest_u_rad, &UnitDeviation::rest_v_rad}) {
+      Add(fmt::format("rest bend {} of section {}", bend == &UnitDeviation::rest_u_rad ? "u" : "v", k + 1),
+          kRestBend_rad, [first, units, bend](PostureRobot& robot, double change) {
+            for (int unit = first; unit < first + units; ++unit)
+              robot.robot.body.DeviationOf(unit).*bend += change / units;
+          });
+    }
+  }
+
+  void OfTendon(std::size_t k, std::size_t j, std::size_t tendon) {
+    const std::string hole = fmt::format("body.sections[{}].tendons[{}]", k + 1, j + 1);
+    const auto add = [&](const char* word, bool angle, double TendonRoute::*number) {
+      const std::string key = fmt::format("{}.{}", hole, word);
+      Add(key, Known({key}), angle, [k, j, number](RobotParameters& robot) -> double& {
+        return robot.body.sections[k].tendons[j].*number;
+      });
+    };
+    add("angle_rad", true, &TendonRoute::angle_rad);
+    add("radius_m", false, &TendonRoute::radius_m);
+    const auto drive = [&](const char* word, double& (*of)(TendonDriveParameters&)) {
+      const std::string own = fmt::format("actuation.per_tendon.{}.{}", tendon + 1, word);
+      Add(own, Known({own, fmt::format("actuation.{}", word)}), false,
+          [tendon, of](RobotParameters& robot) -> double& { return of(robot.actuation->tendons[tendon]); });
+    };
+    drive("spool.radius_m", [](TendonDriveParameters& d) -> double& { return d.spool.radius_m; });
+    drive("tendon.stiffness_Npm", [](TendonDriveParameters& d) -> double& { return d.tendon.stiffness_Npm; });
+    const auto row = static_cast<Eigen::Index>(tendon);
+    const double lever_m = robot_.body.sections[k].tendons[j].radius_m;
+    Add(fmt::format("zero of tendon {}", tendon + 1), kZero,
+        [row, lever_m](PostureRobot& robot, double change) { robot.zero_m[row] += lever_m * change; });
+  }
+
+  void OfMount() {
+    // Who does not know how the tracker stands to the base has not written down how the base stands either.
+    for (int axis = 0; axis < 3; ++axis) {
+      Add(fmt::format("turn of gravity about {}", "xyz"[axis]), known_ ? kTilt_rad : kAnyWay_rad,
+          [axis](PostureRobot& robot, double change) {
+            Eigen::Vector3d& g = robot.robot.body.gravity_W_mps2;
+            g = Eigen::AngleAxisd(change, Eigen::Vector3d::Unit(axis)) * g;
+          });
+    }
+    const double length_m = robot_.body.length_m();
+    for (int axis = 0; axis < 3; ++axis) {
+      Add(fmt::format("turn of the tracker about {}", "xyz"[axis]), known_ ? kPlaced_rad : kGuessed_rad,
+          [axis](PostureRobot& robot, double change) { robot.turn_rad[axis] += change; });
+      Add(fmt::format("shift of the tracker along {}", "xyz"[axis]), known_ ? kPlaced : kGuessed,
+          [axis, length_m](PostureRobot& robot, double change) { robot.shift_m[axis] += length_m * change; });
+    }
+    Add("lag behind the motors' readings", kLag_s,
+        [](PostureRobot& robot, double change) { robot.motor_lag_s += change; });
+  }
+
+  const RobotParameters& robot_;
+  const bool known_;
+  std::vector<PostureNumber> all_;
+};
+
+}  // namespace
+
+std::vector<PostureNumber> PostureNumbers(const RobotParameters& robot, bool frame_is_known) {
+  return Listing(robot, frame_is_known).All();
+}
+
+PostureRobot WithNumbers(const PostureRobot& file, const std::vector<PostureNumber>& numbers,
+                         const Eigen::VectorXd& changes) {
+  PostureRobot robot = file;
+  for (std::size_t k = 0; k < numbers.size(); ++k)
+    numbers[k].apply(robot, changes[static_cast<Eigen::Index>(k)]);
+  return robot;
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,31 @@
+// The numbers of a robot that its postures depend on, each with what is known of it: those of the file, and
+// what no file can hold. Knows nothing of runs.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "predict.h"
+
+namespace tendril::gap {
+
+struct PostureNumber {
+  std::string key;       // "body.sections[1].youngs_modulus_Pa"; what the file does not hold in plain words
+  double deviation = 0;  // prior standard deviation of the change
+  /// By a factor exp(change), or by addition.
+  std::function<void(PostureRobot&, double change)> apply{};
+  /// Its value in a robot of the file; empty for a number that the file does not hold.
+  std::function<double(const RobotParameters&)> value{};
+  bool additive = false;
+};
+
+/// Those that are not known exactly. `frame_is_known`: the tracker's readings are in the base frame but for
+/// the care of whoever placed it; otherwise they were turned and shifted by a guess.
+std::vector<PostureNumber> PostureNumbers(const RobotParameters& robot, bool frame_is_known);
+
+/// The robot of the file with these changes.
+PostureRobot WithNumbers(const PostureRobot& file, const std::vector<PostureNumber>& numbers,
+                         const Eigen::VectorXd& changes);
+
+}  // namespace tendril::gap

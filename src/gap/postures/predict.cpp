@@ -1,0 +1,232 @@
+// Equilibria state by state, each from the one before; slopes by the implicit function theorem.
+#include "predict.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <stdexcept>
+
+#include "../rotation.h"
+#include "tendril/core/parallel.h"
+#include "tendril/model/body.h"
+#include "tendril/model/held_statics.h"
+#include "tendril/sim/effects.h"
+
+namespace tendril::gap {
+namespace {
+
+constexpr double kStep = 1e-4;  // of a number: exponents, radians, or metres over a length
+// Width over which a tendon goes slack, of its distance from the backbone.
+constexpr double kSlackWidth = 0.01;
+constexpr int kPieces = 8;  // of the states, each solved in one piece
+
+/// A robot ready to be solved.
+class Solver {
+ public:
+  explicit Solver(PostureRobot robot)
+      : robot_(std::move(robot)),
+        body_(robot_.robot.body),
+        R_(Rotation(robot_.turn_rad)),
+        travel_(body_.tendons()),
+        stiffness_(body_.tendons()) {
+    for (int j = 0; j < body_.tendons(); ++j) {
+      const auto& drive = robot_.robot.actuation->tendons[static_cast<std::size_t>(j)];
+      travel_[j] = drive.SpoolTravelPerMotorRad();
+      stiffness_[j] = drive.tendon.stiffness_Npm;
+    }
+  }
+  Solver(const Solver&) = delete;
+
+  const model::Body& body() const { return body_; }
+  model::HeldStatics Statics() const {
+    return {body_, stiffness_, kSlackWidth * body_.parameters().largest_hole_m()};
+  }
+  Eigen::VectorXd Pull(const States& run, Eigen::Index state) const {
+    const Eigen::VectorXd angle =
+        (run.motor_rad.row(state) - robot_.motor_lag_s * run.motor_radps.row(state)).transpose();
+    return travel_.cwiseProduct(angle) + robot_.zero_m;
+  }
+  Eigen::RowVectorXd Disks(const Eigen::VectorXd& q, const std::vector<int>& disks,
+                           std::vector<model::Pose>& poses) const {
+    poses.resize(static_cast<std::size_t>(body_.units()));
+    body_.Poses(q, poses);
+    Eigen::RowVectorXd seen(3 * static_cast<Eigen::Index>(disks.size()));
+    for (std::size_t p = 0; p < disks.size(); ++p) {
+      const auto& end = poses[static_cast<std::size_t>(body_.disk_unit(disks[p]))];
+      seen.segment<3>(3 * static_cast<Eigen::Index>(p)) = (R_ * end.p_WA + robot_.shift_m).transpose();
+    }
+    return seen;
+  }
+
+ private:
+  PostureRobot robot_;
+  model::Body body_;
+  Eigen::Matrix3d R_;
+  Eigen::VectorXd travel_, stiffness_;
+};
+
+/// Some consecutive states of one run.
+struct Piece {
+  const States* run;
+  Eigen::Index first, count, row;  // of the run's states; row of the first in the result
+};
+
+std::vector<Piece> PiecesOf(const Postures& postures) {
+  std::vector<Piece> pieces;
+  Eigen::Index row = 0;
+  for (const States& run : postures.runs) {
+    const Eigen::Index states = run.time_s.size();
+    const Eigen::Index longest = std::max<Eigen::Index>(1, (states + kPieces - 1) / kPieces);
+    for (Eigen::Index first = 0; first < states; first += longest) {
+      const Eigen::Index count = std::min(longest, states - first);
+      pieces.push_back({&run, first, count, row + first});
+    }
+    row += states;
+  }
+  return pieces;
+}
+
+class Predicting {
+ public:
+  Predicting(const Solver& solver, const std::vector<std::unique_ptr<Solver>>& moved,
+             const std::vector<int>& disks, Predicted& out)
+      : solver_(solver),
+        moved_(moved),
+        disks_(disks),
+        out_(out),
+        statics_(solver.Statics()),
+        q_(Eigen::VectorXd::Zero(solver.body().dof())),
+        force_(solver.body().dof()) {
+    for (const auto& other : moved) moved_statics_.push_back(other->Statics());
+  }
+
+  /// The number of states without an equilibrium.
+  int Run(const Piece& piece) {
+    int unsolved = 0;
+    FromStraight(solver_.Pull(*piece.run, piece.first));
+    for (Eigen::Index i = 0; i < piece.count; ++i) {
+      const Eigen::VectorXd pull = solver_.Pull(*piece.run, piece.first + i);
+      const Eigen::VectorXd before = q_;
+      bool solved = true;
+      if (!statics_.Solve(pull, q_)) {
+        FromStraight(pull);
+        if (!statics_.Solve(pull, q_)) {
+          ++unsolved;
+          solved = false;
+          q_ = before;
+        }
+      }
+      out_.disks_m.row(piece.row + i) = solver_.Disks(q_, disks_, poses_);
+      if (solved) {
+        Slopes(*piece.run, piece.first + i, piece.row + i, pull);
+      } else {
+        for (Eigen::MatrixXd& slope : out_.slopes) slope.row(piece.row + i).setZero();
+      }
+    }
+    return unsolved;
+  }
+
+ private:
+  /// In steps, so that the branch is the one from the straight robot.
+  void FromStraight(const Eigen::VectorXd& pull) {
+    q_.setZero();
+    for (const double share : {0.25, 0.5, 0.75}) statics_.Solve(share * pull, q_);
+    if (!q_.allFinite()) q_.setZero();
+  }
+
+  void Slopes(const States& run, Eigen::Index state, Eigen::Index row, const Eigen::VectorXd& pull) {
+    constexpr double kDisplaced = 1e-6;  // of a coordinate
+    if (moved_.empty()) return;
+    statics_.Residual(pull, q_, force_);
+    const Eigen::VectorXd here = force_;
+    const Eigen::RowVectorXd at = out_.disks_m.row(row);
+    Eigen::MatrixXd by_q(at.size(), q_.size());
+    for (Eigen::Index i = 0; i < q_.size(); ++i) {
+      Eigen::VectorXd displaced = q_;
+      displaced[i] += kDisplaced;
+      by_q.col(i) = (solver_.Disks(displaced, disks_, poses_) - at).transpose() / kDisplaced;
+    }
+    const Eigen::PartialPivLU<Eigen::MatrixXd> tangent(statics_.tangent_Nm());
+    for (std::size_t p = 0; p < moved_.size(); ++p) {
+      moved_statics_[p].Residual(moved_[p]->Pull(run, state), q_, force_);
+      const Eigen::VectorXd dq = -tangent.solve((force_ - here) / kStep);
+      const Eigen::RowVectorXd directly = (moved_[p]->Disks(q_, disks_, poses_) - at) / kStep;
+      out_.slopes[p].row(row) = directly + (by_q * dq).transpose();
+    }
+  }
+
+  const Solver& solver_;
+  const std::vector<std::unique_ptr<Solver>>& moved_;
+  const std::vector<int>& disks_;
+  Predicted& out_;
+  model::HeldStatics statics_;
+  std::vector<model::HeldStatics> moved_statics_;
+  Eigen::VectorXd q_, force_;
+  std::vector<model::Pose> poses_;
+};
+
+}  // namespace
+
+PostureRobot PostureRobot::Of(const RobotParameters& robot) {
+  PostureRobot out;
+  const sim::TrackerPlacement tracker = sim::PlacementOfTracker(robot);
+  const Eigen::AngleAxisd turn(tracker.R);
+  out.turn_rad = turn.angle() * turn.axis();
+  out.shift_m = tracker.offset_m;
+  out.robot = sim::FoldEffects(robot);
+  const auto tendons = out.robot.actuation->tendons;
+  out.zero_m.resize(static_cast<Eigen::Index>(tendons.size()));
+  for (std::size_t j = 0; j < tendons.size(); ++j) {
+    out.zero_m[static_cast<Eigen::Index>(j)] = robot.limits.min_tension_N / tendons[j].tendon.stiffness_Npm;
+  }
+  for (const EffectSetting& setting : out.robot.effects) {
+    const sim::Effect& effect = *sim::FindEffect(setting.name);
+    if (effect.zero)
+      MoveZero(out, effect, sim::ParseTarget(effect, setting.where, robot), setting.values.front().second);
+  }
+  return out;
+}
+
+void MoveZero(PostureRobot& robot, const sim::Effect& effect, sim::Target tendon, double value) {
+  const bool angle = effect.parameters.front().name == "rad";
+  for (Eigen::Index j = 0; j < robot.zero_m.size(); ++j) {
+    if (tendon && *tendon != j) continue;
+    const auto& drive = robot.robot.actuation->tendons[static_cast<std::size_t>(j)];
+    robot.zero_m[j] -= value * (angle ? drive.SpoolTravelPerMotorRad() : 1);
+  }
+}
+
+Predicted Predict(const RobotAt& robot_at, const Eigen::VectorXd& x, int slopes, const Postures& postures,
+                  int threads) {
+  const Solver solver(robot_at(x));
+  std::vector<std::unique_ptr<Solver>> moved;
+  for (int p = 0; p < slopes; ++p) {
+    Eigen::VectorXd at = x;
+    at[p] += kStep;
+    moved.push_back(std::make_unique<Solver>(robot_at(at)));
+    if (moved.back()->body().dof() != solver.body().dof())
+      throw std::invalid_argument("a number that gives the body other strains has no slope");
+  }
+  Predicted out;
+  out.disks_m.resize(postures.states(), postures.channels());
+  out.slopes.assign(moved.size(), Eigen::MatrixXd(postures.states(), postures.channels()));
+  const std::vector<Piece> pieces = PiecesOf(postures);
+  std::vector<int> unsolved(pieces.size());
+  ParallelFor(static_cast<int>(pieces.size()), threads, [&](int i) {
+    const auto k = static_cast<std::size_t>(i);
+    unsolved[k] = Predicting(solver, moved, postures.disks, out).Run(pieces[k]);
+  });
+  for (const int n : unsolved) out.unsolved += n;
+  return out;
+}
+
+Eigen::MatrixXd Measured(const Postures& postures) {
+  Eigen::MatrixXd all(postures.states(), postures.channels());
+  Eigen::Index row = 0;
+  for (const States& run : postures.runs) {
+    all.middleRows(row, run.disks_m.rows()) = run.disks_m;
+    row += run.disks_m.rows();
+  }
+  return all;
+}
+
+}  // namespace tendril::gap

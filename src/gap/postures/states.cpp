@@ -1,0 +1,156 @@
+// Means over equal times; motor speeds from one end to the other.
+#include "states.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+namespace tendril::gap {
+namespace {
+
+// Longer than stamps and readings of a position controller jitter, short beside a motion by hand or sight;
+// longer where a run would have more states than bring anything new.
+constexpr double kState_s = 0.25;
+constexpr int kMostStates = 800;
+constexpr double kRounding = 1e-6;  // of stamps, in states
+
+bool Read(const Eigen::MatrixXd& values) { return values.array().isFinite().any(); }
+
+/// S x 3D: the tip stands for the last disk where that has no readings of its own.
+Eigen::MatrixXd DisksOf(const Run& run, int disks) {
+  Eigen::MatrixXd all = Eigen::MatrixXd::Constant(run.time_s.size(), 3 * disks, kNoReading);
+  if (run.disks_m.cols() == all.cols()) all = run.disks_m;
+  if (run.tip_m.cols() > 0 && !Read(all.rightCols(3))) all.rightCols(3) = run.tip_m;
+  return all;
+}
+
+/// Mean of each column's readings in some rows; NaN without any.
+Eigen::RowVectorXd MeanOf(const Eigen::MatrixXd& values, Eigen::Index first, Eigen::Index count) {
+  Eigen::RowVectorXd mean(values.cols());
+  for (Eigen::Index c = 0; c < values.cols(); ++c) {
+    double sum = 0;
+    int n = 0;
+    for (Eigen::Index i = first; i < first + count; ++i) {
+      if (std::isfinite(values(i, c))) sum += values(i, c), ++n;
+    }
+    mean[c] = n > 0 ? sum / n : kNoReading;
+  }
+  return mean;
+}
+
+/// From the first to the last reading of these rows; 0 where there is but one.
+Eigen::RowVectorXd SpeedOf(const Run& run, Eigen::Index first, Eigen::Index count) {
+  Eigen::RowVectorXd speed = Eigen::RowVectorXd::Zero(run.motor_position_rad.cols());
+  for (Eigen::Index j = 0; j < speed.size(); ++j) {
+    const auto angle = run.motor_position_rad.col(j);
+    Eigen::Index a = first, b = first + count - 1;
+    while (a < b && !std::isfinite(angle[a])) ++a;
+    while (b > a && !std::isfinite(angle[b])) --b;
+    if (run.time_s[b] > run.time_s[a]) speed[j] = (angle[b] - angle[a]) / (run.time_s[b] - run.time_s[a]);
+  }
+  return speed;
+}
+
+class Averaging {
+ public:
+  Averaging(const Run& run, const std::vector<int>& disks, int all_disks)
+      : run_(run), disks_(disks), readings_(DisksOf(run, all_disks)) {}
+
+  States Result() {
+    out_.run = run_.name;
+    const Eigen::Index rows = run_.time_s.size();
+    const double duration_s = run_.time_s[rows - 1] - run_.time_s[0];
+    const double state_s = std::max(kState_s, duration_s / kMostStates);
+    const auto state_of = [&](Eigen::Index row) {
+      return std::floor((run_.time_s[row] - run_.time_s[0]) / state_s + kRounding);
+    };
+    for (Eigen::Index first = 0; first < rows;) {
+      Eigen::Index end = first + 1;
+      while (end < rows && state_of(end) == state_of(first)) ++end;
+      Add(first, end - first);
+      first = end;
+    }
+    Fill();
+    return std::move(out_);
+  }
+
+ private:
+  void Add(Eigen::Index first, Eigen::Index count) {
+    const Eigen::RowVectorXd motor = MeanOf(run_.motor_position_rad, first, count);
+    const Eigen::RowVectorXd all = MeanOf(readings_, first, count);
+    Eigen::RowVectorXd seen(3 * static_cast<Eigen::Index>(disks_.size()));
+    for (std::size_t p = 0; p < disks_.size(); ++p)
+      seen.segment<3>(3 * static_cast<Eigen::Index>(p)) = all.segment<3>(3 * disks_[p]);
+    if (!motor.allFinite() || !seen.allFinite()) {
+      ++out_.lost;
+      return;
+    }
+    time_.push_back(MeanOf(run_.time_s, first, count)[0]);
+    motor_.push_back(motor);
+    speed_.push_back(SpeedOf(run_, first, count));
+    seen_.push_back(seen);
+  }
+
+  static Eigen::MatrixXd Stacked(const std::vector<Eigen::RowVectorXd>& rows) {
+    Eigen::MatrixXd all(static_cast<Eigen::Index>(rows.size()), rows.empty() ? 0 : rows.front().size());
+    for (std::size_t i = 0; i < rows.size(); ++i) all.row(static_cast<Eigen::Index>(i)) = rows[i];
+    return all;
+  }
+
+  void Fill() {
+    out_.time_s = Eigen::Map<const Eigen::VectorXd>(time_.data(), static_cast<Eigen::Index>(time_.size()));
+    out_.motor_rad = Stacked(motor_);
+    out_.motor_radps = Stacked(speed_);
+    out_.disks_m = Stacked(seen_);
+  }
+
+  const Run& run_;
+  const std::vector<int>& disks_;
+  const Eigen::MatrixXd readings_;
+  std::vector<double> time_;
+  std::vector<Eigen::RowVectorXd> motor_, speed_, seen_;
+  States out_;
+};
+
+}  // namespace
+
+int Postures::states() const {
+  int all = 0;
+  for (const States& run : runs) all += static_cast<int>(run.time_s.size());
+  return all;
+}
+
+bool ShowsPostures(const DataSet& set) {
+  const int tendons = set.robot.body.tendons();
+  return set.robot.actuation && std::all_of(set.runs.begin(), set.runs.end(), [&](const Run& run) {
+           return run.time_s.size() > 1 && run.motor_position_rad.cols() == tendons &&
+                  Read(run.motor_position_rad) && (Read(run.disks_m) || Read(run.tip_m)) &&
+                  !Read(run.torque_actual_Nm) && !Read(run.torque_target_Nm) && !Read(run.tension_N);
+         });
+}
+
+Postures PosturesOf(const std::vector<const Run*>& runs, const RobotParameters& robot) {
+  Postures postures;
+  const int disks = robot.body.disks();
+  for (int d = 0; d < disks; ++d) {
+    const bool seen = std::all_of(runs.begin(), runs.end(), [&](const Run* run) {
+      return Read(DisksOf(*run, disks).middleCols(3 * d, 3));
+    });
+    if (seen) postures.disks.push_back(d);
+  }
+  if (postures.disks.empty())
+    throw std::runtime_error("no disk is seen in all of these runs; accepted: runs of the same markers");
+  for (const Run* run : runs) {
+    postures.runs.push_back(Averaging(*run, postures.disks, disks).Result());
+    if (postures.runs.back().time_s.size() == 0) {
+      throw std::runtime_error(fmt::format(
+          "run {}: motors and disks are nowhere read together; accepted: readings of the same times",
+          run->name));
+    }
+  }
+  return postures;
+}
+
+}  // namespace tendril::gap

@@ -1,0 +1,278 @@
+// A robot whose motors hold positions: learned from its postures, and what changed named from those after.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+#include <random>
+
+#include "gap/postures/diagnose_postures.h"
+#include "gap/postures/learn_postures.h"
+#include "gap/postures/posterior.h"
+#include "gap/sources.h"
+#include "tendril/gap/data_set.h"
+#include "tendril/gap/run_table.h"
+
+namespace tendril::gap {
+namespace {
+
+/// A hanging hose of two sections with four tendons each, 0.2 m long.
+RobotParameters Hose() {
+  RobotParameters robot;
+  robot.name = "hose";
+  robot.body.gravity_W_mps2 = {0, 0, 9.81};
+  for (int k = 0; k < 2; ++k) {
+    SectionParameters section;
+    section.units = 2;
+    section.unit_length_m = 0.05;
+    section.unit_mass_kg = 0.02;
+    section.disk_inertia_xx_kgm2 = section.disk_inertia_zz_kgm2 = 1e-6;
+    section.youngs_modulus_Pa = 2e7;
+    section.core_radius_m = 0.008;
+    section.bending_damping_Nms = 1e-3;
+    for (int j = 0; j < 4; ++j)
+      section.tendons.push_back({.angle_rad = (j + 0.5 * k) * std::numbers::pi / 2, .radius_m = 0.025});
+    robot.body.sections.push_back(section);
+    const std::string key = "body.sections[" + std::to_string(k + 1) + "].youngs_modulus_Pa";
+    robot.uncertain[key] = {Uncertainty::Kind::kUnknown, 0};
+  }
+  robot.limits.min_tension_N = 4;
+  robot.limits.max_tension_base_N = robot.limits.max_tension_motor_N = 60;
+  robot.limits.max_bending_rad = 2;
+  TendonDriveParameters drive;
+  drive.motor.torque_constant_NmpA = drive.motor.nominal_current_A = 1;
+  drive.motor.rotor_inertia_kgm2 = 1e-4;
+  drive.drive.encoder_counts_per_turn = 4096;
+  drive.gear.ratio = drive.gear.efficiency = 1;
+  drive.spool.radius_m = 0.01;
+  drive.tendon.stiffness_Npm = 800;
+  robot.actuation.emplace();
+  robot.actuation->tendons.assign(8, drive);
+  robot.uncertain["actuation.tendon.stiffness_Npm"] = {Uncertainty::Kind::kUnknown, 0};
+  return robot;
+}
+
+/// What the file says, wrong as much as it admits.
+RobotParameters AsBuilt() {
+  RobotParameters robot = Hose();
+  robot.body.sections[0].youngs_modulus_Pa *= 1.6;
+  robot.body.sections[1].youngs_modulus_Pa *= 0.7;
+  robot.body.sections[0].unit_mass_kg *= 1.2;
+  robot.body.sections[1].tendons[2].angle_rad += 0.03;
+  robot.body.sections[0].tendons[1].radius_m *= 1.05;
+  for (auto& drive : robot.actuation->tendons) drive.tendon.stiffness_Npm *= 1.5;
+  return robot;
+}
+
+/// Slow motion of all motors, opposite tendons against each other, with errors of a tracker of 0.2 mm and of
+/// a model that is off by 0.2 mm an axis, which changes slowly.
+Run Moved(const RobotParameters& robot, const std::string& name, unsigned seed, double duration_s = 120) {
+  constexpr double kRate_Hz = 20;
+  const auto rows = static_cast<Eigen::Index>(duration_s * kRate_Hz);
+  Run run;
+  run.name = name;
+  run.family = "slow";
+  run.time_s = Eigen::VectorXd::LinSpaced(rows, 0, static_cast<double>(rows - 1) / kRate_Hz);
+  run.motor_position_rad.resize(rows, 8);
+  std::mt19937 random(seed);
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform(0.05, 0.25);
+  for (int j = 0; j < 8; ++j) {
+    const int pair = 4 * (j / 4) + j % 2;
+    std::mt19937 of_pair(seed * 100 + static_cast<unsigned>(pair));
+    const double f1 = uniform(of_pair), f2 = uniform(of_pair), sign = j % 4 < 2 ? 1 : -1;
+    run.motor_position_rad.col(j) = sign * (0.7 * (2 * std::numbers::pi * f1 * run.time_s.array()).sin() +
+                                            0.5 * (2 * std::numbers::pi * f2 * run.time_s.array()).sin());
+  }
+  States states{name, run.time_s, run.motor_position_rad, Eigen::MatrixXd::Zero(rows, 8), {}, 0};
+  const Postures postures{{1, 3}, {states}};
+  const Predicted at =
+      Predict([&](const Eigen::VectorXd&) { return PostureRobot::Of(robot); }, {}, 0, postures, 2);
+  EXPECT_EQ(at.unsolved, 0);
+  run.disks_m = Eigen::MatrixXd::Constant(rows, 12, kNoReading);
+  Eigen::RowVectorXd slow = Eigen::RowVectorXd::Zero(6);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    for (int c = 0; c < 6; ++c) slow[c] = 0.97 * slow[c] + 0.24 * 2e-4 * normal(random);
+    for (int c = 0; c < 6; ++c) {
+      const Eigen::Index column = (c < 3 ? 3 : 9) + c % 3;
+      run.disks_m(i, column) = at.disks_m(i, c) + slow[c] + 2e-4 * normal(random);
+    }
+  }
+  return run;
+}
+
+DataSet Compared(const RobotParameters& before, const RobotParameters& after) {
+  DataSet set{"after", Hose(), false, {Moved(after, "after", 2)}, {}};
+  CompareWithBefore(set, {"before", Hose(), false, {Moved(before, "before", 1)}, {}});
+  return set;
+}
+
+Diagnosis Diagnosed(const RobotParameters& after) {
+  const DataSet set = Compared(AsBuilt(), after);
+  EXPECT_TRUE(CanDiagnosePostures(set));
+  DiagnoseOptions options;
+  options.threads = 2;
+  options.refits = 4;
+  return Diagnose(set, options);
+}
+
+TEST(Postures, NumbersThatNobodyKnewAreLearned) {
+  const gap::Run run = Moved(AsBuilt(), "run", 1);
+  const LearnedPostures learned = LearnPostures(Hose(), PosturesOf({&run}, Hose()), true, {.threads = 2});
+  EXPECT_TRUE(learned.converged);
+
+  EXPECT_LT(DiskRms(learned.held_out_m, 1), 1.2e-3);
+  EXPECT_GT(DiskRms(learned.as_filed_m, 1), 2 * DiskRms(learned.held_out_m, 1));
+  const Eigen::MatrixXd covariance = learned.precision.inverse();
+  for (std::size_t k = 0; k < learned.numbers.size(); ++k) {
+    const PostureNumber& number = learned.numbers[k];
+    if (!number.value) continue;
+    const auto i = static_cast<Eigen::Index>(k);
+    const double truth = number.additive ? number.value(AsBuilt()) - number.value(Hose())
+                                         : std::log(number.value(AsBuilt()) / number.value(Hose()));
+    EXPECT_LT(std::abs(learned.x[i] - truth), 4 * std::sqrt(covariance(i, i))) << number.key;
+  }
+}
+
+TEST(Postures, SlopesAreThoseOfThePrediction) {
+  const RobotParameters robot = Hose();
+  const gap::Run run = Moved(robot, "run", 3, 5);
+  const Postures postures = PosturesOf({&run}, robot);
+  const std::vector<PostureNumber> numbers = PostureNumbers(robot, true);
+  const PostureRobot file = PostureRobot::Of(robot);
+  const RobotAt at = [&](const Eigen::VectorXd& x) { return WithNumbers(file, numbers, x); };
+  const auto n = static_cast<int>(numbers.size());
+  const Predicted here = Predict(at, Eigen::VectorXd::Zero(n), n, postures, 1);
+  for (int k = 0; k < n; k += 5) {
+    Eigen::VectorXd ahead = Eigen::VectorXd::Zero(n), behind = ahead;
+    ahead[k] = 2e-4;
+    behind[k] = -2e-4;
+    const Eigen::MatrixXd slope =
+        (Predict(at, ahead, 0, postures, 1).disks_m - Predict(at, behind, 0, postures, 1).disks_m) / 4e-4;
+    const auto& found = here.slopes[static_cast<std::size_t>(k)];
+    EXPECT_LT((slope - found).norm(), 0.01 * slope.norm() + 1e-6) << numbers[static_cast<std::size_t>(k)].key;
+  }
+}
+
+TEST(Postures, APayloadIsNamedWithItsSizeOnARobotThatIsNotWhatItsFileSays) {
+  RobotParameters after = AsBuilt();
+  after.body.tip_payload_kg = 0.2;
+  const Diagnosis d = Diagnosed(after);
+  EXPECT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  ASSERT_FALSE(d.causes.empty());
+  EXPECT_EQ(d.causes.front().effect, "tip_payload") << d.sentence;
+  EXPECT_GT(d.causes.front().p, 0.9);
+  const Estimate mass = d.causes.front().parameters.at("mass_kg");
+  EXPECT_LT(mass.low, 0.2);
+  EXPECT_GT(mass.high, 0.2);
+  ASSERT_TRUE(d.closed);
+  EXPECT_GT(d.closed->value, 0.9);
+  const auto first =
+      std::find_if(d.location.begin(), d.location.end(), [](const auto& f) { return f.first; });
+  ASSERT_NE(first, d.location.end());
+  EXPECT_EQ(first->cut, sim::Cut::kShape);
+}
+
+TEST(Postures, TheSameRobotHasNoGap) {
+  const Diagnosis d = Diagnosed(AsBuilt());
+  EXPECT_EQ(d.verdict, Verdict::kNoGap) << d.sentence;
+  for (const auto& f : d.location) EXPECT_FALSE(f.excess) << f.where;
+}
+
+TEST(Postures, OtherChangesAreNamedToo) {
+  RobotParameters turned = AsBuilt();
+  turned.effects.push_back({"encoder_offset", "tendon:2", {{"rad", 0.5}}});
+  const Diagnosis zero = Diagnosed(turned);
+  EXPECT_EQ(zero.causes.front().where, "tendon:2") << zero.sentence;
+  EXPECT_TRUE(zero.causes.front().effect == "encoder_offset" || zero.causes.front().effect == "slack")
+      << zero.sentence;
+  RobotParameters soft = AsBuilt();
+  for (auto& section : soft.body.sections) section.youngs_modulus_Pa *= 0.6;
+  const Diagnosis stiffness = Diagnosed(soft);
+  // Where positions are given, a softer body and stiffer tendons do nearly the same.
+  double of_stiffness = 0;
+  bool bending = false;
+  for (const Cause& cause : stiffness.causes) {
+    const bool either = cause.effect == "bending_stiffness" || cause.effect == "tendon_stiffness";
+    if (either && cause.where == "all") of_stiffness += cause.p;
+    bending |= cause.effect == "bending_stiffness" && cause.where == "all" && cause.p > 0.05;
+  }
+  EXPECT_GT(of_stiffness, 0.9) << stiffness.sentence;
+  EXPECT_TRUE(bending) << stiffness.sentence;
+}
+
+TEST(Postures, ANumberThatIsNoEffectIsSuspected) {
+  RobotParameters after = AsBuilt();
+  for (auto& drive : after.actuation->tendons) drive.spool.radius_m *= 1.25;
+  const Diagnosis d = Diagnosed(after);
+  EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
+  ASSERT_FALSE(d.suspected.empty());
+  bool spool = false;
+  for (const auto& number : d.suspected) spool |= number.key == "actuation.spool.radius_m";
+  EXPECT_TRUE(spool) << d.sentence;
+  for (const Cause& cause : d.causes) {
+    if (cause.effect == "unknown") continue;
+    EXPECT_LT(cause.p, 0.5) << cause.effect;
+  }
+}
+
+TEST(Postures, WhatNoHypothesisDoesIsUnknown) {
+  DataSet set = Compared(AsBuilt(), AsBuilt());
+  for (gap::Run& run : set.runs) {
+    if (run.before.empty()) continue;
+    // A push that turns with the third motor.
+    const Eigen::ArrayXd push = run.motor_position_rad.col(2).array();
+    run.disks_m.col(3) += (0.006 * push.square() * push.sign()).matrix();
+    run.disks_m.col(9) -= (0.004 * push).matrix();
+    run.disks_m.col(10) += (0.012 * push.abs()).matrix();
+  }
+  DiagnoseOptions options;
+  options.refits = 4;
+  const Diagnosis d = Diagnose(set, options);
+  EXPECT_EQ(d.verdict, Verdict::kUnexplained) << d.sentence;
+  for (const Cause& cause : d.causes) {
+    if (sim::FindEffect(cause.effect) == nullptr) continue;
+    EXPECT_LE(cause.p, 0.5) << cause.effect;
+  }
+}
+
+TEST(Postures, AreOfRunsWithoutTorqueAndTension) {
+  gap::Run run = Moved(Hose(), "run", 1, 15);
+  DataSet set{"set", Hose(), false, {run}, {}};
+  EXPECT_TRUE(ShowsPostures(set));
+  EXPECT_TRUE(CanLearnPostures(set));
+  EXPECT_FALSE(CanDiagnosePostures(set));  // nothing from before
+  set.runs.front().tension_N = Eigen::MatrixXd::Ones(run.time_s.size(), 8);
+  EXPECT_FALSE(ShowsPostures(set));
+}
+
+TEST(Postures, StatesAreMeansAndLeaveOutWhatWasNotRead) {
+  gap::Run run = Moved(Hose(), "run", 1, 15);
+  const Postures all = PosturesOf({&run}, Hose());
+  EXPECT_EQ(all.disks, (std::vector<int>{1, 3}));
+  EXPECT_EQ(all.states(), 60);  // of a quarter of a second
+  EXPECT_NEAR(all.runs[0].motor_rad(3, 0), run.motor_position_rad.col(0).segment(15, 5).mean(), 1e-12);
+  run.disks_m.col(3).segment(100, 20).setConstant(kNoReading);
+  const Postures some = PosturesOf({&run}, Hose());
+  EXPECT_EQ(some.states() + some.runs[0].lost, 60);
+  EXPECT_EQ(some.runs[0].lost, 4);
+  run.disks_m.setConstant(kNoReading);
+  EXPECT_THROW(PosturesOf({&run}, Hose()), std::runtime_error);
+}
+
+TEST(Postures, ColumnsOfDisksAreReadAsWritten) {
+  const gap::Run run = Moved(Hose(), "run", 1, 5);
+  const auto file = std::filesystem::temp_directory_path() / "tendril_postures_test.csv";
+  WriteRun(run, file);
+  const gap::Run back = ReadRunTable(file, Hose());
+  std::filesystem::remove(file);
+  ASSERT_EQ(back.disks_m.cols(), 12);
+  for (const Eigen::Index c : {3, 4, 5, 9, 10, 11}) {
+    EXPECT_EQ((back.disks_m.col(c) - run.disks_m.col(c)).cwiseAbs().maxCoeff(), 0) << c;
+  }
+  EXPECT_TRUE(back.disks_m.col(0).array().isNaN().all());
+}
+
+}  // namespace
+}  // namespace tendril::gap
