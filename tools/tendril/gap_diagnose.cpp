@@ -103,7 +103,8 @@ void AddGapDiagnoseCommand(CLI::App& app) {
       ->add_option("--before", options->logs.before,
                    "runs of the same commands from before the robot changed: the change is diagnosed, and "
                    "model errors common to both are subtracted; runs are paired by name, or by family if "
-                   "there is only one of it")
+                   "there is only one of it; where neither torques nor tensions were recorded, the robot is "
+                   "learned from these runs and commands may differ")
       ->allow_extra_args(false);
   command
       ->add_option("--out", options->out,
