@@ -372,6 +372,10 @@ Masked MaskImplausible(DataSet& set) {
     for (Eigen::Index axis = 0; axis < run.tip_m.cols() && !set.fit_frame; ++axis)
       find.OutOfRange(run.tip_m, axis, fmt::format("tip {}", "xyz"[axis]), kBeyond * robot.body.length_m(),
                       tips);
+    for (Eigen::Index c = 0; c < run.disks_m.cols() && !set.fit_frame; ++c) {
+      find.OutOfRange(run.disks_m, c, fmt::format("disk {} {}", c / 3 + 1, "xyz"[c % 3]),
+                      kBeyond * robot.body.length_m(), tips);
+    }
     if (run.motor_position_rad.rows() != run.time_s.size()) continue;
     // Between states at rest a motor may have been anywhere.
     for (Eigen::Index j = 0; j < run.motor_position_rad.cols() && UsualStep(run) <= kQuasiStatic_s; ++j) {

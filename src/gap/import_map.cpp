@@ -405,6 +405,8 @@ class Reader {
     const Origin origin = block.Choice<Origin>(
         "origin", {{"given", Origin::kGiven}, {"rest", Origin::kRest}, {"fit", Origin::kFit}}, "given");
     map_.from_rest = origin == Origin::kRest;
+    if (map_.from_rest && !map_.disks.empty() && map_.tip.empty())
+      block.Fail("origin", "is rest, and no tip shows where that is", "given, fit, or columns.tip");
     map_.fit_frame = origin == Origin::kFit;
     block.Close();
   }

@@ -28,15 +28,13 @@ constexpr double kOneKind = 3.0;
 constexpr double kGapDeltas = 2.5;
 constexpr double kClearGain = 25.0;
 constexpr double kGapSteepness = 6.0;
-// Probability of an unseen gap although the data show none: a small one, or, where repetitions differ by more
-// than sensor noise, one hidden by that.
-constexpr double kUnseen = 0.3, kUnseenInScatter = 0.4;
+// Probability of a gap that the data do not show where repetitions differ by more than sensor noise.
+constexpr double kUnseenInScatter = 0.4;
 // Least share of the latter for effects outside the library: a library effect that made the runs differ would
 // have set the floor.
 constexpr double kUnlistedInScatter = 0.5;
-// Floors that may remain at a place whatever the gap was: the uncertainty of the noise, and the most that an
-// established cause leaves.
-constexpr double kUnknownFloor = 0.3, kMostLeft_sigma = 5;
+// Floors that may remain at a place whatever the gap was: the uncertainty of the noise.
+constexpr double kUnknownFloor = 0.3;
 constexpr double kUnknownSteepness = 4.0;
 // Upper limit where no place has anything left and the whole gap may be closed, as far as the runs show.
 constexpr double kUnknownAllClosed = 0.3;
@@ -47,10 +45,8 @@ constexpr double kMimic = 0.1, kMimicGain = 50;
 // probability.
 constexpr double kLeftover = 1.0, kUnproven = 0.9;
 constexpr double kParameterCost = 1.5, kBoundCost = 1.5;  // temperatures per parameter, and per bound
-// Causes within this many temperatures and with signatures this similar are not told apart.
-constexpr double kSame = 3.0;
+// Causes within kSame temperatures are not told apart if their signatures are this similar.
 constexpr double kSameCosine = 0.95;
-constexpr double kClear = 0.8;  // share of its group's probability needed to name a single cause
 // A second cause needs: a log score, where the first leaves a gap and both leave none (otherwise kPairGain
 // and more); materialities by which it changes some channel; a share of the gap there and in total, or of a
 // channel of its own; and a share of what the first cause leaves there. The residual of a slightly inaccurate

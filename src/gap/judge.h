@@ -21,6 +21,14 @@ inline constexpr double kLapse = 0.03;
 /// Share of a gap's mean square that a correct cause may leave, since its law is not exact: over all places,
 /// and at each place of the largest gap. A cause that leaves more is not established.
 inline constexpr double kMayStay = 0.1;
+/// Floors beyond which what it leaves anywhere does the same.
+inline constexpr double kMostLeft_sigma = 5;
+/// Probability of a gap although the data show none: a small one.
+inline constexpr double kUnseen = 0.3;
+/// Log of the ratio of probabilities from which two causes are told apart, and the share of its group's
+/// probability that names a single one.
+inline constexpr double kSame = 3.0;
+inline constexpr double kClear = 0.8;
 
 struct Judgement {
   Verdict verdict = Verdict::kInsufficientData;

@@ -281,6 +281,8 @@ TEST_F(ImportTest, MarkersOnDisksAreInTheBaseFrameLikeTheTip) {
   EXPECT_THAT(Refusal(map + "{9: [x, y, z]}}\n", "t,x,y,z\n0,1,2,3\n"), HasSubstr("columns.disks"));
   EXPECT_THAT(Refusal(map + "{1: [x, y]}}\n", "t,x,y,z\n0,1,2,3\n"), HasSubstr("columns.disks.1"));
   EXPECT_THAT(Refusal(map + "{unit: mm}}\n", "t,x,y,z\n0,1,2,3\n"), HasSubstr("names no disk"));
+  EXPECT_THAT(Refusal(map + "{1: [x, y, z]}}\nframe: {origin: rest}\n", "t,x,y,z\n0,1,2,3\n"),
+              HasSubstr("frame.origin"));
 }
 
 TEST_F(ImportTest, MillimetresTakenForMetresAreNoticed) {
@@ -401,9 +403,9 @@ TEST_F(PublishedTest, ATrunkWithPairsOfTendons) {
   EXPECT_EQ(run.motor_position_rad.col(0), -run.motor_position_rad.col(2));
   // It hangs along +z of its base and is about as long as its file says.
   EXPECT_NEAR(run.tip_m.col(2).maxCoeff(), set.robot.body.length_m(), 0.03);
-  // Its first two disks are where the file's sections end.
-  EXPECT_NEAR(run.disks_m.col(3 * 2 + 2).maxCoeff(), 0.105, 0.02);
-  EXPECT_NEAR(run.disks_m.col(3 * 5 + 2).maxCoeff(), 0.199, 0.02);
+  // At rest its first two disks are where the file's sections end.
+  EXPECT_NEAR(run.disks_m(0, 3 * 2 + 2), 0.105, 0.005);
+  EXPECT_NEAR(run.disks_m(0, 3 * 5 + 2), 0.199, 0.005);
 }
 
 TEST_F(ImportTest, DecimalCommasInQuotesAreReadWhereTheMapSaysSo) {

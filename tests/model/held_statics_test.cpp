@@ -6,8 +6,8 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <numbers>
 
+#include "support/hose.h"
 #include "tendril/model/statics.h"
 
 namespace tendril::model {
@@ -16,18 +16,11 @@ namespace {
 BodyParameters Hose() {
   BodyParameters body;
   body.gravity_W_mps2 = {0, 0, 9.81};
-  SectionParameters section;
-  section.units = 3;
-  section.unit_length_m = 0.035;
-  section.unit_mass_kg = 0.02;
-  section.disk_inertia_xx_kgm2 = section.disk_inertia_zz_kgm2 = 1e-6;
+  SectionParameters section = HoseSection(3, 0.035, 0);
   section.youngs_modulus_Pa = 4e7;
-  section.core_radius_m = 0.008;
   section.torsion = section.extension = true;
   section.axial_stiffness_N = 2000;
   section.torsional_stiffness_Nm2 = 0.012;
-  for (int j = 0; j < 4; ++j)
-    section.tendons.push_back({.angle_rad = j * std::numbers::pi / 2, .radius_m = 0.025});
   body.sections = {section, section};
   return body;
 }

@@ -8,6 +8,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "../judge.h"
 #include "../rotation.h"
 #include "tendril/sim/effects.h"
 
@@ -58,7 +59,6 @@ std::optional<PostureChange> ChangeOf(const Candidate& candidate) {
   const bool shown = effect.edit != nullptr || effect.zero || effect.frame;
   if (!shown) return std::nullopt;
   PostureChange change;
-  change.name = candidate.Name();
   change.effect = candidate;
   change.deviation.resize(candidate.size());
   for (int k = 0; k < candidate.size(); ++k)
@@ -76,7 +76,6 @@ std::optional<PostureChange> ChangeOf(const Candidate& candidate) {
 
 PostureChange ChangeOf(const FileNumber& number) {
   PostureChange change;
-  change.name = number.key;
   change.number = number;
   change.deviation = Eigen::VectorXd::Constant(1, kPlausibleFactor);
   change.apply = [number](PostureRobot& robot, const Eigen::VectorXd& z) {
@@ -107,33 +106,23 @@ class Searching {
  public:
   Searching(const LearnedPostures& learned, const RobotParameters& file, const Postures& after,
             const ChangeOptions& options)
-      : learned_(learned), after_(after), options_(options), measured_(Measured(after)) {
+      : learned_(learned), after_(after), options_(options), measured_(after.Stacked(&States::disks_m)) {
     out_.changes = PostureChanges(file, options.without);
-    states_ = static_cast<double>(measured_.rows()) / learned.discrepancy.states_a_bit;
+    states_ = static_cast<double>(measured_.rows()) / learned.discrepancy.states_per_independent;
   }
 
   ChangeSearch Result() {
     const Eigen::VectorXd nothing;
     const Eigen::VectorXd& x = learned_.x;
-    Point at = PointAt(nullptr, x, nothing);
+    const Point at = PointAt(nullptr, x, nothing);
     out_.before_m = measured_ - at.predicted.disks_m;
     out_.as_filed_m = measured_ - At(nullptr, Eigen::VectorXd::Zero(x.size()), nothing, 0).disks_m;
     const Normal numbers = NormalAt(at, x, nothing);
     Screen(at, numbers);
-    out_.none = Refined(nullptr, x, nothing);
+    none_ = Refined(nullptr, x, nothing);
+    out_.none_log_evidence = none_.log_evidence;
     out_.unlisted_log_evidence = Unlisted(at, numbers);
-    std::sort(out_.fits.begin(), out_.fits.end(), Likelier);
-    const int refits = std::min(options_.refits, static_cast<int>(out_.fits.size()));
-    for (int k = 0; k < refits; ++k) {
-      if (options_.progress) options_.progress(0.3 + 0.7 * k / refits);
-      Refine(out_.fits[static_cast<std::size_t>(k)]);
-    }
-    // One step flatters some: whoever is first then is refitted too.
-    std::sort(out_.fits.begin(), out_.fits.end(), Likelier);
-    while (!out_.fits.empty() && !out_.fits.front().refined) {
-      Refine(out_.fits.front());
-      std::sort(out_.fits.begin(), out_.fits.end(), Likelier);
-    }
+    RefineLikeliest();
     return std::move(out_);
   }
 
@@ -148,26 +137,42 @@ class Searching {
     Eigen::VectorXd b;
   };
 
+  void RefineLikeliest() {
+    std::vector<ChangeFit>& fits = out_.fits;
+    std::sort(fits.begin(), fits.end(), Likelier);
+    const int refits = std::min(options_.refits, static_cast<int>(fits.size()));
+    for (int k = 0; k < refits; ++k) {
+      if (options_.progress) options_.progress(0.3 + 0.7 * k / refits);
+      Refine(fits[static_cast<std::size_t>(k)]);
+    }
+    std::sort(fits.begin(), fits.end(), Likelier);
+    // The evidence after one step can be too high, and only what is compared at its maximum is named.
+    const auto may_be_named = [&](const ChangeFit& fit) {
+      return !fit.refined && fits.front().log_evidence - fit.log_evidence < kSame &&
+             fit.log_evidence > none_.log_evidence;
+    };
+    for (auto fit = std::find_if(fits.begin(), fits.end(), may_be_named); fit != fits.end();
+         fit = std::find_if(fits.begin(), fits.end(), may_be_named)) {
+      Refine(*fit);
+      std::sort(fits.begin(), fits.end(), Likelier);
+    }
+    if (!fits.empty() && !fits.front().refined) Refine(fits.front());
+    std::sort(fits.begin(), fits.end(), Likelier);
+  }
+
   void Refine(ChangeFit& fit) const {
     const int index = fit.change;
     try {
       fit = Refined(&out_.changes[static_cast<std::size_t>(index)], learned_.x, fit.z);
     } catch (const std::exception&) {
-      fit = out_.none;  // no robot has that change: it explains no more than none
-      fit.z = Eigen::VectorXd::Zero(out_.changes[static_cast<std::size_t>(index)].size());
-      fit.covariance = Eigen::MatrixXd::Identity(fit.z.size(), fit.z.size());
-      fit.log_evidence = kNoEvidence;
+      fit.log_evidence = kNoEvidence;  // there is no such robot
     }
     if (!std::isfinite(fit.log_evidence)) fit.log_evidence = kNoEvidence;
     fit.change = index;
+    fit.refined = true;
   }
 
   static bool Likelier(const ChangeFit& a, const ChangeFit& b) { return a.log_evidence > b.log_evidence; }
-
-  Eigen::VectorXd Whitened(const Eigen::MatrixXd& rows) const {
-    // State by state, so that quarters are segments.
-    return learned_.discrepancy.Whitened(rows).transpose().reshaped();
-  }
 
   Predicted At(const PostureChange* change, const Eigen::VectorXd& x, const Eigen::VectorXd& z,
                Eigen::Index slopes) const {
@@ -184,10 +189,8 @@ class Searching {
 
   Point PointAt(const PostureChange* change, const Eigen::VectorXd& x, const Eigen::VectorXd& z) const {
     Point point{At(change, x, z, x.size() + z.size()), {}, {}};
-    point.residual = Whitened(measured_ - point.predicted.disks_m);
-    point.J.resize(point.residual.size(), static_cast<Eigen::Index>(point.predicted.slopes.size()));
-    for (Eigen::Index k = 0; k < point.J.cols(); ++k)
-      point.J.col(k) = Whitened(point.predicted.slopes[static_cast<std::size_t>(k)]);
+    point.residual = learned_.discrepancy.Whitened(measured_ - point.predicted.disks_m);
+    point.J = learned_.discrepancy.Whitened(point.predicted.slopes);
     return point;
   }
 
@@ -243,8 +246,8 @@ class Searching {
         fit.change = static_cast<int>(c);
         fit.z = change.Possible(A.ldlt().solve(b));
         fit.covariance = A.inverse();
-        fit.squares = squares0 - 2 * b.dot(fit.z) + fit.z.dot(A * fit.z);
-        fit.log_evidence = LogEvidence(fit.squares, LogOccam(A) + change.LogOneSided());
+        const double squares = squares0 - 2 * b.dot(fit.z) + fit.z.dot(A * fit.z);
+        fit.log_evidence = LogEvidence(squares, LogOccam(A) + change.LogOneSided());
         if (std::isfinite(fit.log_evidence)) out_.fits.push_back(std::move(fit));
       } catch (const std::exception&) {
         // no robot: it explains nothing
@@ -267,10 +270,8 @@ class Searching {
       change.apply(its, z);
       return its;
     };
-    const Predicted slopes = Predict(robot, none, change.size(), after_, options_.threads);
-    Eigen::MatrixXd J(measured_.size(), change.size());
-    for (int k = 0; k < change.size(); ++k) J.col(k) = Whitened(slopes.slopes[static_cast<std::size_t>(k)]);
-    return J;
+    return learned_.discrepancy.Whitened(
+        Predict(robot, none, change.size(), after_, options_.threads).slopes);
   }
 
   /// Numbers and parameters at their joint maximum. The numbers' slopes hold for a few steps: most of the
@@ -297,7 +298,7 @@ class Searching {
   /// Infinite where there is no such robot.
   double SquaresAt(const PostureChange* change, const Eigen::VectorXd& x, const Eigen::VectorXd& z) const {
     try {
-      return Squares(Whitened(measured_ - At(change, x, z, 0).disks_m), x, z);
+      return Squares(learned_.discrepancy.Whitened(measured_ - At(change, x, z, 0).disks_m), x, z);
     } catch (const std::invalid_argument&) {
       return std::numeric_limits<double>::infinity();
     }
@@ -309,12 +310,14 @@ class Searching {
     const Normal normal = NormalAt(at, x, z);
     const Eigen::VectorXd way = normal.A.ldlt().solve(normal.b);
     for (double share = 1; share > 0.02; share /= 3) {
-      const Eigen::VectorXd x1 = x + share * way.head(x.size()), z1 = z + share * way.tail(z.size());
+      const Eigen::VectorXd x1 = x + share * way.head(x.size());
+      Eigen::VectorXd z1 = z + share * way.tail(z.size());
+      if (change != nullptr) z1 = change->Possible(z1);
       const double there = SquaresAt(change, x1, z1);
       if (!(there < squares)) continue;
       const double gained = squares - there;
       x = x1;
-      z = change != nullptr ? change->Possible(z1) : z1;
+      z = z1;
       squares = there;
       return gained;
     }
@@ -331,20 +334,15 @@ class Searching {
       return its;
     };
     const Predicted here = Predict(robot, z, static_cast<int>(m), after_, options_.threads);
-    at.residual = Whitened(measured_ - here.disks_m);
-    for (Eigen::Index k = 0; k < m; ++k)
-      at.J.col(x.size() + k) = Whitened(here.slopes[static_cast<std::size_t>(k)]);
+    at.residual = learned_.discrepancy.Whitened(measured_ - here.disks_m);
+    if (m > 0) at.J.rightCols(m) = learned_.discrepancy.Whitened(here.slopes);
   }
 
   ChangeFit Summarised(const PostureChange* change, const Point& at, const Eigen::VectorXd& x,
                        const Eigen::VectorXd& z, double squares) const {
     const Eigen::Index m = z.size();
     ChangeFit fit;
-    fit.x = x;
     fit.z = z;
-    fit.squares = squares;
-    fit.refined = true;
-    fit.left_m = measured_ - at.predicted.disks_m;
     const Normal normal = NormalAt(at, x, z);
     double log_occam = 0;
     if (m > 0) {
@@ -355,37 +353,34 @@ class Searching {
       log_occam = LogOccam(inverse.bottomRightCorner(m, m).inverse()) + change->LogOneSided();
     }
     fit.log_evidence = LogEvidence(squares, log_occam);
-    if (change != nullptr) fit.sigma = Sigma(at.predicted.disks_m - At(nullptr, x, {}, 0).disks_m);
-    HoldOut(at, normal, fit);
+    if (change != nullptr) fit.moves = Moves(at.predicted.disks_m - At(nullptr, x, {}, 0).disks_m);
+    fit.held_out_m = HeldOut(at, normal);
     return fit;
   }
 
-  double Sigma(const Eigen::MatrixXd& moved) const {
+  /// The largest rms move of a disk, over the least that matters.
+  double Moves(const Eigen::MatrixXd& moved_m) const {
     double most = 0;
-    for (Eigen::Index d = 0; d < moved.cols(); d += 3) {
-      const double rms = std::sqrt(moved.middleCols(d, 3).squaredNorm() / static_cast<double>(moved.rows()));
-      const Eigen::MatrixXd& held = learned_.held_out_m;
-      const double floor = std::sqrt(held.middleCols(d, 3).squaredNorm() / static_cast<double>(held.rows()));
-      most = std::max(most, rms / floor);
-    }
+    for (int d = 0; d < static_cast<int>(after_.disks.size()); ++d)
+      most = std::max(most, DiskRms(moved_m, d) / LeastThatMatters(learned_, d, options_.delta_m));
     return most;
   }
 
   /// Each quarter with the numbers and parameters that the others give, one step from the common maximum.
-  void HoldOut(const Point& at, const Normal& normal, ChangeFit& fit) const {
-    fit.held_out_m = fit.left_m;
-    const Eigen::Index states = measured_.rows(), channels = measured_.cols();
+  Eigen::MatrixXd HeldOut(const Point& at, const Normal& normal) const {
+    Eigen::MatrixXd left = measured_ - at.predicted.disks_m;
+    const Eigen::Index channels = measured_.cols();
     for (int quarter = 0; quarter < kQuarters; ++quarter) {
-      const Eigen::Index first = states * quarter / kQuarters;
-      const Eigen::Index count = states * (quarter + 1) / kQuarters - first;
+      const auto [first, count] = QuarterOf(quarter, measured_.rows());
       const auto J = at.J.middleRows(first * channels, count * channels);
       const auto r = at.residual.segment(first * channels, count * channels);
       const Eigen::VectorXd moved = (normal.A - J.transpose() * J).ldlt().solve(normal.b - J.transpose() * r);
       for (Eigen::Index k = 0; k < moved.size(); ++k) {
-        fit.held_out_m.middleRows(first, count) -=
+        left.middleRows(first, count) -=
             moved[k] * at.predicted.slopes[static_cast<std::size_t>(k)].middleRows(first, count);
       }
     }
+    return left;
   }
 
   /// Evidence of a change that is no hypothesis of the library: each whitened channel shifted by a function
@@ -405,7 +400,7 @@ class Searching {
     information.topLeftCorner(n, n) = numbers.A;
     const Eigen::VectorXd pull = J.transpose() * at.residual;
     const double of_numbers = LogDeterminant(numbers.A);
-    double best = kNoEvidence;
+    std::vector<double> log_evidences;  // with sizes between which none is preferred
     for (double variance = 1e-4; variance < 1e6; variance *= 10) {
       Eigen::MatrixXd A = information;
       A.diagonal().tail(functions).array() += 1 / variance;
@@ -413,9 +408,12 @@ class Searching {
       const double squares = at.residual.squaredNorm() - pull.dot(solved.solve(pull));
       const double volume = static_cast<double>(functions) * std::log(variance);
       const double occam = 0.5 * (of_numbers - solved.vectorD().array().log().sum() - volume);
-      best = std::max(best, LogEvidence(squares, occam));
+      log_evidences.push_back(LogEvidence(squares, occam));
     }
-    return best;
+    const double best = *std::max_element(log_evidences.begin(), log_evidences.end());
+    double sum = 0;
+    for (const double log : log_evidences) sum += std::exp(log - best);
+    return best + std::log(sum / static_cast<double>(log_evidences.size()));
   }
 
   static double LogDeterminant(const Eigen::MatrixXd& of) {
@@ -424,12 +422,7 @@ class Searching {
 
   /// S x functions: constant, angles of unit rms, and their products.
   Eigen::MatrixXd Basis() const {
-    Eigen::MatrixXd angles(measured_.rows(), after_.runs.front().motor_rad.cols());
-    Eigen::Index row = 0;
-    for (const States& run : after_.runs) {
-      angles.middleRows(row, run.motor_rad.rows()) = run.motor_rad;
-      row += run.motor_rad.rows();
-    }
+    const Eigen::MatrixXd angles = after_.Stacked(&States::motor_rad);
     // Motors that turn together are one.
     const Eigen::MatrixXd centred = angles.rowwise() - angles.colwise().mean();
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(centred, Eigen::ComputeThinU);
@@ -450,6 +443,7 @@ class Searching {
   const ChangeOptions& options_;
   const Eigen::MatrixXd measured_;
   double states_ = 0;  // independent ones
+  ChangeFit none_;     // nothing changed
   ChangeSearch out_;
 };
 
@@ -466,6 +460,11 @@ std::vector<PostureChange> PostureChanges(const RobotParameters& robot,
     if (number.effect.empty() && number.tendon == 0) changes.push_back(ChangeOf(number));
   }
   return changes;
+}
+
+double LeastThatMatters(const LearnedPostures& learned, int disk, double delta_m) {
+  constexpr double kOfFloor = 0.5;
+  return std::max(delta_m, kOfFloor * learned.Floor(disk));
 }
 
 ChangeSearch SearchChange(const LearnedPostures& learned, const RobotParameters& file, const Postures& after,

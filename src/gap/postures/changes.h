@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,7 +16,6 @@ namespace tendril::gap {
 
 /// One thing that may have changed: an effect of the registry at one place, or a number of the file.
 struct PostureChange {
-  std::string name;                  // "tip_payload", "actuation.spool.radius_m"
   std::optional<Candidate> effect;   // empty: a number
   std::optional<FileNumber> number;  // empty: an effect
   Eigen::VectorXd deviation;         // prior standard deviation of each parameter, in its unit
@@ -35,21 +35,19 @@ std::vector<PostureChange> PostureChanges(const RobotParameters& robot,
 
 /// A hypothesis fitted to the states after the change together with the robot's numbers.
 struct ChangeFit {
-  int change = -1;       // index; -1: nothing changed
-  Eigen::VectorXd x, z;  // numbers and parameters at the maximum, in prior deviations
-  double sigma = 0;      // largest rms move of a disk by the change, over its floor
-  double squares = 0;    // of whitened residuals and of the distances from both priors
+  int change = -1;    // index; -1: nothing changed
+  Eigen::VectorXd z;  // parameters at the maximum, in prior deviations
   double log_evidence = 0;
-  Eigen::MatrixXd covariance;  // of z, the numbers being what they are
-  Eigen::MatrixXd left_m;      // measured less predicted, S x 3P
-  Eigen::MatrixXd held_out_m;  // the same, each quarter predicted by the others
-  bool refined = false;        // false: one step from no change
+  Eigen::MatrixXd covariance;  // of z, the numbers being as uncertain as they are
+  double moves = 0;            // largest rms move of a disk by the change, over the least that matters there
+  Eigen::MatrixXd held_out_m;  // measured less predicted, each quarter with what the others give
+  bool refined = false;        // false: one step from no change, without the two before
 };
 
 struct ChangeSearch {
   std::vector<PostureChange> changes;
-  std::vector<ChangeFit> fits;  // by falling evidence
-  ChangeFit none;
+  std::vector<ChangeFit> fits;  // by falling evidence; those that may be named are refined
+  double none_log_evidence = 0;
   double unlisted_log_evidence = 0;  // of a change of another kind: any smooth function of the motors' angles
   Eigen::MatrixXd before_m;          // residuals with the numbers from before
   Eigen::MatrixXd as_filed_m;        // with those of the file
@@ -57,12 +55,16 @@ struct ChangeSearch {
 
 struct ChangeOptions {
   int refits = 6;
+  double delta_m = 0;                  // moves of a disk that do not matter; 0: see LeastThatMatters
   std::vector<std::string> without{};  // effects that are no hypotheses
   int threads = 1;
   std::function<void(double)> progress{};
 };
 
-/// `after`: the disks are those of the states that `learned` was inferred from.
+/// Rms move of a disk (from 0, of those seen) that matters [m]: `delta_m`, and at least a share of the floor.
+double LeastThatMatters(const LearnedPostures& learned, int disk, double delta_m);
+
+/// `after`: its disks are those of the states that `learned` was inferred from.
 ChangeSearch SearchChange(const LearnedPostures& learned, const RobotParameters& file, const Postures& after,
                           const ChangeOptions& options);
 

@@ -1,22 +1,25 @@
+// Learns, weighs, and puts the result into words and places.
 #include "diagnose_postures.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "../interval.h"
+#include "../judge.h"
 #include "../readable.h"
 #include "../sentence.h"
 #include "posterior.h"
 #include "tendril/config/config.h"
 #include "tendril/core/parallel.h"
 #include "tendril/core/version.h"
+#include "tendril/model/body.h"
 
 namespace tendril::gap {
 namespace {
 
-constexpr double kWorthNaming = 0.05;  // probability of a number that is to be checked
 constexpr std::size_t kInReport = 12;  // causes listed in the report
 
 std::vector<const Run*> RunsOf(const DataSet& set, bool before) {
@@ -50,16 +53,18 @@ class Diagnosing {
     KeepCommonDisks();
     learned_ = LearnPostures(set_.robot, before_, !set_.fit_frame,
                              {threads_, Stage("learning the robot from the runs before the change")});
-    search_ = SearchChange(learned_, set_.robot, after_,
-                           {options_.refits, options_.without, threads_, Stage("weighing every change")});
-    posterior_ = PosteriorOf(learned_, search_);
+    search_ = SearchChange(
+        learned_, set_.robot, after_,
+        {options_.refits, options_.delta_m, options_.without, threads_, Stage("weighing every change")});
+    posterior_ = PosteriorOf(learned_, search_, options_.delta_m);
     Provenance();
     Locate();
     ListCauses();
     Decide();
     Closures();
     Limits();
-    d_.sentence = WithLeftOut(Preface(d_) + Sentence(d_, set_.robot, ""), set_.notes, d_.runs.size());
+    const std::string preface = d_.suspected.empty() ? Preface(d_) : NumbersText();
+    d_.sentence = WithLeftOut(preface + Sentence(d_, set_.robot, ""), set_.notes, d_.runs.size());
     return std::move(d_);
   }
 
@@ -108,52 +113,66 @@ class Diagnosing {
 
   /// "section:2" of a section's last disk, "unit:3" of another.
   std::string WhereOf(int disk) const {
-    int unit = 0, last = 0;
-    for (std::size_t k = 0; k < set_.robot.body.sections.size(); ++k) {
-      const SectionParameters& section = set_.robot.body.sections[k];
-      last += section.units / section.units_per_disk;
-      if (disk + 1 == last) return fmt::format("section:{}", k + 1);
-      if (disk + 1 < last) {
-        const int within = disk + 1 - (last - section.units / section.units_per_disk);
-        return fmt::format("unit:{}", unit + within * section.units_per_disk);
-      }
-      unit += section.units;
+    const model::Body body(set_.robot.body);
+    const int unit = body.disk_unit(disk);
+    for (int k = 0; k < body.sections(); ++k) {
+      if (unit + 1 == body.end_unit(k)) return fmt::format("section:{}", k + 1);
     }
-    return "all";
+    return fmt::format("unit:{}", unit + 1);
   }
 
   void Locate() {
-    for (std::size_t p = 0; p < before_.disks.size(); ++p) {
+    for (const sim::Cut cut : {sim::Cut::kCurrentLoop, sim::Cut::kDrivetrain, sim::Cut::kTendon}) {
+      CutFinding f;
+      f.cut = cut;
+      f.where = "all";
+      f.measured = false;
+      f.note = "needs torques or tensions";
+      d_.location.push_back(f);
+    }
+    bool first = true;
+    for (int p = 0; p < static_cast<int>(before_.disks.size()); ++p) {
       CutFinding f;
       f.cut = sim::Cut::kShape;
-      f.where = WhereOf(before_.disks[p]);
+      f.where = WhereOf(before_.disks[static_cast<std::size_t>(p)]);
       f.quantity = "disk position";
       f.unit = "m";
-      f.rms = DiskRms(search_.before_m, static_cast<int>(p));
-      f.floor = DiskRms(learned_.held_out_m, static_cast<int>(p));
-      f.excess_sigma = ExcessSigma(f.rms, f.floor);
-      f.delta = kMatters * f.floor;
-      f.excess = f.excess_sigma > kMatters && posterior_.none < 0.5;
+      f.rms = DiskRms(search_.before_m, p);
+      f.floor = learned_.Floor(p);
+      f.excess_sigma = Excess(learned_, search_.before_m, p) / f.floor;
+      f.delta = LeastThatMatters(learned_, p, options_.delta_m);
       f.p_value = posterior_.none;
-      f.first = f.excess && std::none_of(d_.location.begin(), d_.location.end(),
-                                         [](const CutFinding& other) { return other.first; });
+      f.excess = posterior_.none < 0.5 && HasExcess(learned_, search_.before_m, p, options_.delta_m);
+      f.first = f.excess && std::exchange(first, false);
       d_.delta_m = std::max(d_.delta_m, f.delta);
       d_.location.push_back(f);
     }
+    CutFinding motion;
+    motion.cut = sim::Cut::kMotion;
+    motion.where = "all";
+    motion.measured = false;
+    motion.note = "states are compared, not motion";
+    d_.location.push_back(motion);
   }
 
-  Cause CauseOf(const ChangeFit& fit, double p, int group) const {
-    const PostureChange& change = search_.changes[static_cast<std::size_t>(fit.change)];
+  const PostureChange& ChangeOf(const ChangeFit& fit) const {
+    return search_.changes[static_cast<std::size_t>(fit.change)];
+  }
+
+  /// Of the k-th fit.
+  Cause CauseOf(const ChangeFit& fit, std::size_t k) const {
+    const PostureChange& change = ChangeOf(fit);
     Cause cause;
     cause.effect = change.effect->effect->name;
     cause.where = change.effect->where;
-    cause.p = p;
-    cause.group = group;
+    cause.p = posterior_.fits[k];
+    const bool alone = std::count(posterior_.same.begin(), posterior_.same.end(), 1) == 1;
+    cause.group = posterior_.same[k] && !alone ? 1 : 0;
     if (!fit.refined) cause.note = "screened only, not refitted";
-    for (int k = 0; k < change.size(); ++k) {
-      const sim::EffectParameter& parameter = change.effect->parameters[static_cast<std::size_t>(k)];
-      const double value = parameter.nominal + fit.z[k] * change.deviation[k];
-      const double half = kTwoSided95 * std::sqrt(std::max(0.0, fit.covariance(k, k))) * change.deviation[k];
+    for (int i = 0; i < change.size(); ++i) {
+      const sim::EffectParameter& parameter = change.effect->parameters[static_cast<std::size_t>(i)];
+      const double value = parameter.nominal + fit.z[i] * change.deviation[i];
+      const double half = kTwoSided95 * std::sqrt(std::max(0.0, fit.covariance(i, i))) * change.deviation[i];
       cause.parameters[parameter.name] = {value, value - half, value + half};
       cause.bound_hit |= value < parameter.lower || value > parameter.upper;
     }
@@ -161,30 +180,42 @@ class Diagnosing {
   }
 
   void ListCauses() {
-    double of_numbers = 0;
-    for (std::size_t k = 0; k < search_.fits.size(); ++k) {
-      const ChangeFit& fit = search_.fits[k];
-      const PostureChange& change = search_.changes[static_cast<std::size_t>(fit.change)];
-      if (change.effect) {
-        if (d_.causes.size() < kInReport)
-          d_.causes.push_back(CauseOf(fit, posterior_.fits[k], posterior_.group[k]));
-      } else {
-        of_numbers += posterior_.fits[k];
-        const bool first = !search_.changes[static_cast<std::size_t>(search_.fits.front().change)].effect;
-        if (!first || posterior_.none >= 0.5 || posterior_.fits[k] < kWorthNaming) continue;
-        const double value = change.number->ValueAt(fit.z[0] * change.deviation[0]);
-        d_.suspected.push_back({change.name, change.number->in_file, value, posterior_.closed});
-      }
+    for (std::size_t k = 0; k < search_.fits.size() && d_.causes.size() < kInReport; ++k) {
+      if (ChangeOf(search_.fits[k]).effect) d_.causes.push_back(CauseOf(search_.fits[k], k));
     }
+    ListNumbers();
     Cause none, unknown;
     none.effect = "no_gap";
     none.p = posterior_.none;
     unknown.effect = "unknown";
-    unknown.p = posterior_.unlisted + of_numbers;
+    unknown.p = posterior_.unlisted + of_numbers_;
     d_.causes.push_back(none);
     d_.causes.push_back(unknown);
     std::stable_sort(d_.causes.begin(), d_.causes.end(),
                      [](const Cause& a, const Cause& b) { return a.p > b.p; });
+  }
+
+  /// Numbers that are no effect, where one of them is the likeliest change.
+  void ListNumbers() {
+    for (std::size_t k = 0; k < search_.fits.size(); ++k) {
+      const ChangeFit& fit = search_.fits[k];
+      const PostureChange& change = ChangeOf(fit);
+      if (!change.number) continue;
+      of_numbers_ += posterior_.fits[k];
+      if (posterior_.none >= 0.5 || !ChangeOf(search_.fits.front()).number || !posterior_.same[k]) continue;
+      const double value = change.number->ValueAt(fit.z[0] * change.deviation[0]);
+      d_.suspected.push_back({change.number->key, change.number->in_file, value, posterior_.closed});
+    }
+  }
+
+  std::string NumbersText() const {
+    std::string numbers;
+    for (const SuspectNumber& number : d_.suspected) {
+      numbers += fmt::format("{}{} changed by a factor of {:.4g}", numbers.empty() ? "" : " or ", number.key,
+                             number.value / number.in_file);
+    }
+    return fmt::format("No effect of the library, but one number explains most: {}. Check it on the robot. ",
+                       numbers);
   }
 
   void Decide() {
@@ -199,26 +230,23 @@ class Diagnosing {
       listed += cause.p;
     }
     for (std::size_t k = 0; k < posterior_.fits.size(); ++k) {
-      if (posterior_.group[k] == 1) group += posterior_.fits[k];
+      if (posterior_.same[k]) group += posterior_.fits[k];
     }
-    constexpr double kClear = 0.8;  // share of its group that names a single cause
     if (posterior_.none >= 0.5) {
       d_.verdict = Verdict::kNoGap;
-      d_.doubt.clear();
-    } else if (listed < 0.5 * (1 - posterior_.none) || !d_.doubt.empty()) {
+    } else if (first == nullptr || listed < 0.5 * (1 - posterior_.none) || !d_.doubt.empty()) {
       d_.verdict = Verdict::kUnexplained;
-    } else if (first->group == 1 && first->p < kClear * group) {
-      d_.verdict = Verdict::kAmbiguousGroup;
     } else {
-      d_.verdict = Verdict::kAttributed;
+      d_.verdict = first->p < kClear * group ? Verdict::kAmbiguousGroup : Verdict::kAttributed;
+      d_.accepted = {*first};
     }
-    if (d_.verdict == Verdict::kAttributed || d_.verdict == Verdict::kAmbiguousGroup) d_.accepted = {*first};
   }
 
   void Closures() {
     if (search_.fits.empty()) return;
+    const Eigen::MatrixXd& best = search_.fits.front().held_out_m;
     const Eigen::MatrixXd& after =
-        d_.verdict == Verdict::kNoGap ? search_.before_m : search_.fits.front().held_out_m;
+        d_.verdict == Verdict::kNoGap || best.size() == 0 ? search_.before_m : best;
     for (Eigen::Index c = 0; c < after.cols(); ++c) {
       const auto rms = [&](const Eigen::MatrixXd& left) {
         return std::sqrt(left.col(c).squaredNorm() / static_cast<double>(left.rows()));
@@ -246,15 +274,15 @@ class Diagnosing {
           learned_.unsolved));
     }
     d_.degradations.push_back(
-        "the motors hold positions; torques and tensions were not recorded, so drives, drivetrains and "
-        "tendons "
-        "(C1 to C3) cannot be judged, mistakes of measurement were not searched for, and loads come out "
-        "relative "
-        "to the robot's own weight and stiffness");
-    d_.degradations.push_back(fmt::format(
-        "the robot as learned from the runs before predicts disks with an error of {} mm in states "
-        "that it was not fitted to, which is taken as the floor",
-        FloorText()));
+        "neither torques nor tensions: drives, drivetrains and tendons (C1 to C3) cannot be judged, mistakes "
+        "of "
+        "measurement were not searched for, and loads are relative to the robot's own weight and stiffness");
+    d_.degradations.push_back(
+        fmt::format("the robot as learned from the runs before misses its disks by {} mm in states that it "
+                    "was not fitted to: "
+                    "the floor",
+                    FloorText()));
+    d_.degradations.push_back("its numbers furthest from the file: " + NumbersMoved());
     for (const Postures* postures : {&before_, &after_}) {
       for (const States& run : postures->runs) {
         if (run.lost > 0)
@@ -267,10 +295,28 @@ class Diagnosing {
       d_.degradations.push_back("the numbers of the robot had not settled after the allowed steps");
   }
 
+  std::string NumbersMoved() const {
+    constexpr std::size_t kNamed = 4;
+    const RobotParameters found = learned_.RobotAt(learned_.x).robot;
+    std::vector<std::pair<double, std::string>> moved;  // prior deviations
+    for (std::size_t k = 0; k < learned_.numbers.size(); ++k) {
+      const PostureNumber& number = learned_.numbers[k];
+      if (!number.value) continue;
+      moved.emplace_back(std::abs(learned_.x[static_cast<Eigen::Index>(k)]) / number.deviation,
+                         fmt::format("{} {:.3g} where the file has {:.3g}", number.key, number.value(found),
+                                     number.value(set_.robot)));
+    }
+    std::sort(moved.rbegin(), moved.rend());
+    std::string text;
+    for (std::size_t k = 0; k < std::min(kNamed, moved.size()); ++k)
+      text += (k > 0 ? ", " : "") + moved[k].second;
+    return text;
+  }
+
   std::string FloorText() const {
     std::string text;
     for (int p = 0; p < static_cast<int>(before_.disks.size()); ++p)
-      text += fmt::format("{}{:.1f}", p > 0 ? " / " : "", 1e3 * DiskRms(learned_.held_out_m, p));
+      text += fmt::format("{}{:.1f}", p > 0 ? " / " : "", 1e3 * learned_.Floor(p));
     return text;
   }
 
@@ -283,6 +329,7 @@ class Diagnosing {
   LearnedPostures learned_;
   ChangeSearch search_;
   ChangePosterior posterior_;
+  double of_numbers_ = 0;  // probability of all numbers
 };
 
 }  // namespace

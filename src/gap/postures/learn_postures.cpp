@@ -11,22 +11,23 @@
 namespace tendril::gap {
 namespace {
 
-constexpr double kBegin = 0.05;     // error that the file's model is taken to have, of the length
-constexpr double kFinest_m = 1e-4;  // no tracker of a whole robot is better
-constexpr int kSettles = 4;         // steps before the discrepancy follows the fit
+constexpr double kBegin = 0.05;      // error that the file's model is taken to have, of the length
+constexpr double kFinest_m = 1e-4;   // no tracker of a whole robot is better
+constexpr int kBeforeFollowing = 4;  // steps before the discrepancy follows the fit
 constexpr int kMostSteps = 40;
-constexpr double kStill = 0.05;  // gain of log posterior below which the numbers have settled
-constexpr double kUsualBit = 5;  // states that count as one until that is known
+constexpr double kStill = 0.05;     // log posterior that a Newton step promises at a maximum
+constexpr double kUsualStates = 5;  // states per independent one until that is estimated
+constexpr double kUsualSteps = 60;  // of a whole fit, for the progress
 
-/// States that count as one by how the means of blocks scatter, which independent ones would do less.
-double StatesABit(const Eigen::MatrixXd& left) {
-  const double each = left.squaredNorm() / static_cast<double>(left.rows());
+/// From how the means of blocks scatter, compared with those of independent states.
+double StatesPerIndependent(const Eigen::MatrixXd& whitened) {
+  const double each = whitened.squaredNorm() / static_cast<double>(whitened.rows());
   double most = 1;
-  for (Eigen::Index length = 2; 6 * length <= left.rows(); length *= 2) {
+  for (Eigen::Index length = 2; 6 * length <= whitened.rows(); length *= 2) {
     double of_means = 0;
-    const Eigen::Index blocks = left.rows() / length;
+    const Eigen::Index blocks = whitened.rows() / length;
     for (Eigen::Index b = 0; b < blocks; ++b)
-      of_means += left.middleRows(b * length, length).colwise().mean().squaredNorm();
+      of_means += whitened.middleRows(b * length, length).colwise().mean().squaredNorm();
     most = std::max(most, static_cast<double>(length) * of_means / static_cast<double>(blocks) / each);
   }
   return most;
@@ -36,7 +37,7 @@ class Learning {
  public:
   Learning(const RobotParameters& file, const Postures& postures, bool frame_is_known,
            const LearnPosturesOptions& options)
-      : postures_(postures), options_(options), measured_(Measured(postures)) {
+      : postures_(postures), options_(options), measured_(postures.Stacked(&States::disks_m)) {
     out_.file = PostureRobot::Of(file);
     out_.numbers = PostureNumbers(file, frame_is_known);
     const auto n = static_cast<Eigen::Index>(out_.numbers.size());
@@ -44,22 +45,27 @@ class Learning {
     prior_.resize(n);
     for (Eigen::Index p = 0; p < n; ++p)
       prior_[p] = 1 / std::pow(out_.numbers[static_cast<std::size_t>(p)].deviation, 2);
-    variance_.setConstant(postures.channels(), std::pow(kBegin * file.body.length_m(), 2));
-    weight_.setOnes(measured_.rows());
+    noise_.covariance = std::pow(kBegin * file.body.length_m(), 2) *
+                        Eigen::MatrixXd::Identity(postures.channels(), postures.channels());
+    noise_.states_per_independent = kUsualStates;
   }
 
   LearnedPostures Result() {
     if (measured_.rows() < kLeastPostures) {
-      throw std::runtime_error(
-          fmt::format("{} states; accepted: at least {}, for the numbers of a robot to be told from them",
-                      measured_.rows(), kLeastPostures));
+      throw std::runtime_error(fmt::format(
+          "{} states, too few to infer the numbers of a robot; accepted: at least {}; record longer "
+          "runs",
+          measured_.rows(), kLeastPostures));
     }
     now_ = At(out_.x);
     out_.as_filed_m = measured_ - now_.disks_m;
     Settle(kMostSteps, true);
-    out_.left_m = measured_ - now_.disks_m;
-    out_.unsolved = now_.unsolved;
     HoldOut();
+    TakeDisagreement();
+    noise_ = out_.discrepancy;
+    out_.converged = Settle(kMostSteps, false);
+    out_.precision = NormalAt(now_, out_.x).A;
+    out_.unsolved = now_.unsolved;
     return std::move(out_);
   }
 
@@ -74,144 +80,149 @@ class Learning {
                    slopes ? static_cast<int>(x.size()) : 0, postures_, options_.threads);
   }
 
+  /// Whitened, those of the quarter held out taken as 0.
+  Eigen::VectorXd Residual(const Eigen::MatrixXd& predicted) const {
+    Eigen::VectorXd residual = noise_.Whitened(measured_ - predicted);
+    residual.segment(without_.first * measured_.cols(), without_.count * measured_.cols()).setZero();
+    return residual;
+  }
+
   double Cost(const Eigen::MatrixXd& predicted, const Eigen::VectorXd& x) const {
-    const Eigen::ArrayXd squares = (measured_ - predicted)
-                                       .array()
-                                       .square()
-                                       .rowwise()
-                                       .
-                                       operator/(variance_.transpose().array())
-                                       .rowwise()
-                                       .sum();
-    return 0.5 * (squares * weight_.array()).sum() / bit_ + 0.5 * prior_.dot(x.cwiseAbs2());
+    return 0.5 * (Residual(predicted).squaredNorm() + prior_.dot(x.cwiseAbs2()));
   }
 
   Normal NormalAt(const Predicted& at, const Eigen::VectorXd& x) const {
-    Normal normal{prior_.asDiagonal(), -prior_.cwiseProduct(x)};
-    const Eigen::MatrixXd left = measured_ - at.disks_m;
-    const auto n = static_cast<Eigen::Index>(at.slopes.size());
-    Eigen::MatrixXd J(left.rows(), n);
-    for (Eigen::Index c = 0; c < left.cols(); ++c) {
-      for (Eigen::Index p = 0; p < n; ++p) J.col(p) = at.slopes[static_cast<std::size_t>(p)].col(c);
-      const Eigen::MatrixXd weighted = weight_.asDiagonal() * J;
-      const double w = 1 / (variance_[c] * bit_);
-      normal.A.noalias() += w * J.transpose() * weighted;
-      normal.b.noalias() += w * weighted.transpose() * left.col(c);
-    }
+    Eigen::MatrixXd J = noise_.Whitened(at.slopes);
+    J.middleRows(without_.first * measured_.cols(), without_.count * measured_.cols()).setZero();
+    Normal normal{J.transpose() * J, J.transpose() * Residual(at.disks_m) - prior_.cwiseProduct(x)};
+    normal.A.diagonal() += prior_;
     return normal;
   }
 
-  /// Towards the maximum, in so many steps; `follow`: with the discrepancy of each channel.
-  void Settle(int most, bool follow) {
+  /// Towards the maximum; `follow`: weighted by what it leaves of each channel. True where it arrives.
+  bool Settle(int most, bool follow) {
     double damping = follow ? 1e-2 : 1e-6;
     for (int step = 0; step < most; ++step) {
-      if (options_.progress && follow) options_.progress(0.7 * step / kMostSteps);
-      if (follow && step >= kSettles) FollowDiscrepancy();
-      const double cost = Cost(now_.disks_m, out_.x);
-      const double gain = cost - StepFrom(cost, damping);
-      ++out_.iterations;
-      if (gain < kStill && step > kSettles) {
-        out_.converged = true;
-        return;
-      }
+      if (options_.progress) options_.progress(std::min(1.0, ++steps_ / kUsualSteps));
+      const bool following = follow && step >= kBeforeFollowing;
+      if (following) FollowDiscrepancy();
+      const Normal normal = NormalAt(now_, out_.x);
+      const double promised = 0.5 * normal.b.dot(normal.A.ldlt().solve(normal.b));
+      if (promised < kStill && following == follow) return true;
+      if (!StepFrom(normal, damping)) return false;
     }
+    return false;
   }
 
   void FollowDiscrepancy() {
     const Eigen::MatrixXd left = measured_ - now_.disks_m;
-    variance_ = left.colwise().squaredNorm().transpose() / static_cast<double>(left.rows());
-    variance_ = variance_.cwiseMax(kFinest_m * kFinest_m);
+    const Eigen::VectorXd variance =
+        left.colwise().squaredNorm().transpose() / static_cast<double>(left.rows());
+    noise_.covariance = variance.cwiseMax(kFinest_m * kFinest_m).asDiagonal();
   }
 
-  /// The cost there; `cost` where no step brings anything.
-  double StepFrom(double cost, double& damping) {
-    const Normal normal = NormalAt(now_, out_.x);
-    for (int attempt = 0; attempt < 7; ++attempt) {
+  /// Moves to the first shorter and shorter step that is better; false where none is.
+  bool StepFrom(const Normal& normal, double& damping) {
+    constexpr int kAttempts = 7;
+    constexpr double kLess = 4, kMore = 6, kLeast = 1e-7;  // damping after a good step and a bad one
+    const double cost = Cost(now_.disks_m, out_.x);
+    for (int attempt = 0; attempt < kAttempts; ++attempt, damping *= kMore) {
       Eigen::MatrixXd damped = normal.A;
       damped.diagonal() *= 1 + damping;
       const Eigen::VectorXd x = out_.x + damped.ldlt().solve(normal.b);
       try {
-        const double there = Cost(At(x, false).disks_m, x);
-        if (there < cost) {
-          now_ = At(x);
-          out_.x = x;
-          damping = std::max(1e-7, damping / 4);
-          return there;
-        }
+        if (!(Cost(At(x, false).disks_m, x) < cost)) continue;
+        now_ = At(x);
+        out_.x = x;
+        damping = std::max(kLeast, damping / kLess);
+        return true;
       } catch (const std::invalid_argument&) {
-        // no robot: the step is too long
+        // no such robot: the step is too long
       }
-      damping *= 6;
     }
-    return cost;
+    return false;
   }
 
   void HoldOut() {
     const Eigen::VectorXd x = out_.x;
     const Predicted at_all = now_;
-    out_.held_out_m = out_.left_m;
-    const Eigen::Index states = measured_.rows();
+    out_.held_out_m = measured_ - now_.disks_m;
     for (int quarter = 0; quarter < kQuarters; ++quarter) {
-      if (options_.progress) options_.progress(0.7 + 0.3 * quarter / kQuarters);
-      const Eigen::Index first = states * quarter / kQuarters;
-      const Eigen::Index count = states * (quarter + 1) / kQuarters - first;
-      weight_.setOnes();
-      weight_.segment(first, count).setZero();
-      Settle(kSettles, false);
-      out_.held_out_m.middleRows(first, count) = (measured_ - now_.disks_m).middleRows(first, count);
+      without_ = QuarterOf(quarter, measured_.rows());
+      Settle(kBeforeFollowing, false);
+      out_.held_out_m.middleRows(without_.first, without_.count) =
+          (measured_ - now_.disks_m).middleRows(without_.first, without_.count);
+      without_ = {};
       out_.x = x;
       now_ = at_all;
     }
-    weight_.setOnes();
     Discrepancy& d = out_.discrepancy;
-    d.covariance = out_.held_out_m.transpose() * out_.held_out_m / static_cast<double>(states);
+    d.covariance =
+        out_.held_out_m.transpose() * out_.held_out_m / static_cast<double>(out_.held_out_m.rows());
     d.covariance.diagonal().array() += kFinest_m * kFinest_m;
-    d.states_a_bit = StatesABit(d.Whitened(out_.held_out_m));
-    out_.precision = prior_.asDiagonal();
-    Eigen::MatrixXd J(states * measured_.cols(), x.size());
-    for (Eigen::Index p = 0; p < x.size(); ++p)
-      J.col(p) = d.Whitened(now_.slopes[static_cast<std::size_t>(p)]).transpose().reshaped();
-    const Eigen::MatrixXd information = J.transpose() * J;
-    out_.precision += information;
-    TakeDisagreement(J, information);
+    const Eigen::VectorXd whitened = d.Whitened(out_.held_out_m);
+    d.states_per_independent =
+        StatesPerIndependent(whitened.reshaped(measured_.cols(), measured_.rows()).transpose());
   }
 
-  /// The quarters' pulls on the numbers, over what independent errors would pull: where they disagree by
-  /// more, the states say less than their number does (a sandwich estimate of the information).
-  void TakeDisagreement(const Eigen::MatrixXd& J, const Eigen::MatrixXd& information) {
-    const Eigen::VectorXd left = out_.discrepancy.Whitened(out_.held_out_m).transpose().reshaped();
-    const Eigen::LDLT<Eigen::MatrixXd> posterior(out_.precision);
-    double pulls = 0;
+  /// Where the quarters' scores disagree by more than independent errors would, the states say less than
+  /// their number does: a sandwich estimate of the information.
+  void TakeDisagreement() {
+    Discrepancy& d = out_.discrepancy;
+    const Eigen::MatrixXd J = d.Whitened(now_.slopes);
+    const Eigen::VectorXd left = d.Whitened(out_.held_out_m);
+    const Eigen::MatrixXd information = J.transpose() * J;
+    Eigen::MatrixXd precision = information;
+    precision.diagonal() += prior_;
+    const Eigen::LDLT<Eigen::MatrixXd> posterior(precision);
+    double scores = 0;
     for (int quarter = 0; quarter < kQuarters; ++quarter) {
-      const Eigen::Index states = measured_.rows(), channels = measured_.cols();
-      const Eigen::Index first = states * quarter / kQuarters;
-      const Eigen::Index rows = (states * (quarter + 1) / kQuarters - first) * channels;
-      const Eigen::VectorXd pull =
-          J.middleRows(first * channels, rows).transpose() * left.segment(first * channels, rows);
-      pulls += pull.dot(posterior.solve(pull));
+      const auto [first, count] = QuarterOf(quarter, measured_.rows());
+      const Eigen::Index channels = measured_.cols();
+      const Eigen::VectorXd score = J.middleRows(first * channels, count * channels).transpose() *
+                                    left.segment(first * channels, count * channels);
+      scores += score.dot(posterior.solve(score));
     }
-    // Numbers from the other quarters are themselves uncertain.
-    constexpr double kExpected = kQuarters / (kQuarters - 1.0);
-    const double disagreement = std::max(1.0, pulls / (kExpected * posterior.solve(information).trace()));
-    out_.discrepancy.states_a_bit *= disagreement;
-    out_.precision = information / disagreement;
-    out_.precision.diagonal() += prior_;
+    // Held out, a quarter's residuals also have the error of the numbers that the others give.
+    constexpr double kHeldOut = kQuarters / (kQuarters - 1.0);
+    d.states_per_independent *= std::max(1.0, scores / (kHeldOut * posterior.solve(information).trace()));
   }
 
   const Postures& postures_;
   const LearnPosturesOptions& options_;
   const Eigen::MatrixXd measured_;
-  Eigen::VectorXd prior_, variance_, weight_;
-  double bit_ = kUsualBit;
+  Eigen::VectorXd prior_;  // precision of each number
+  Discrepancy noise_;      // that the fit is weighted by
+  StateRange without_;     // states held out
+  int steps_ = 0;
   Predicted now_;  // at out_.x
   LearnedPostures out_;
 };
 
 }  // namespace
 
-Eigen::MatrixXd Discrepancy::Whitened(const Eigen::MatrixXd& rows) const {
+StateRange QuarterOf(int quarter, Eigen::Index states) {
+  const Eigen::Index first = states * quarter / kQuarters;
+  return {first, states * (quarter + 1) / kQuarters - first};
+}
+
+Eigen::VectorXd Discrepancy::Whitened(const Eigen::MatrixXd& residuals) const {
   const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
-  return factor.matrixL().solve(rows.transpose()).transpose() / std::sqrt(states_a_bit);
+  const Eigen::MatrixXd by_state = factor.matrixL().solve(residuals.transpose());
+  return by_state.reshaped() / std::sqrt(states_per_independent);
+}
+
+Eigen::MatrixXd Discrepancy::Whitened(const std::vector<Eigen::MatrixXd>& slopes) const {
+  Eigen::MatrixXd all(slopes.empty() ? 0 : slopes.front().size(), static_cast<Eigen::Index>(slopes.size()));
+  for (std::size_t k = 0; k < slopes.size(); ++k) all.col(static_cast<Eigen::Index>(k)) = Whitened(slopes[k]);
+  return all;
+}
+
+double LearnedPostures::Floor(int disk) const { return DiskRms(held_out_m, disk); }
+
+double DiskRms(const Eigen::MatrixXd& residuals_m, int disk) {
+  return std::sqrt(residuals_m.middleCols(3 * disk, 3).squaredNorm() /
+                   static_cast<double>(residuals_m.rows()));
 }
 
 LearnedPostures LearnPostures(const RobotParameters& file, const Postures& postures, bool frame_is_known,

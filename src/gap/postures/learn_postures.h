@@ -1,5 +1,5 @@
 // The numbers of a robot inferred from its postures: the maximum of their posterior, Laplace's approximation
-// about it, and what the model gets wrong wherever it is not fitted. Knows nothing of changes.
+// about it, and the model's error in states that it was not fitted to. Knows nothing of changes.
 #pragma once
 
 #include <Eigen/Core>
@@ -10,18 +10,25 @@
 
 namespace tendril::gap {
 
-/// Of the states, each predicted in turn from the others.
+inline constexpr int kLeastPostures = 40;  // states from which the numbers of a robot can be inferred
+
+/// The states are held out in quarters: each is predicted from the other three.
 inline constexpr int kQuarters = 4;
-inline constexpr int kLeastPostures = 40;  // for the numbers of a robot to be told from them
+struct StateRange {
+  Eigen::Index first = 0, count = 0;
+};
+StateRange QuarterOf(int quarter, Eigen::Index states);
 
-/// What the best model of this kind still gets wrong, as a random function of state and time.
+/// The error of the best model of this kind, as a random function of state and time.
 struct Discrepancy {
-  Eigen::MatrixXd covariance;  // 3P x 3P of one state [m^2]
-  double states_a_bit = 1;     // correlated states that count as one
+  Eigen::MatrixXd covariance;         // 3P x 3P of one state [m^2]
+  double states_per_independent = 1;  // integrated autocorrelation time, in states
 
-  /// Rows r in which independent errors of one unit are expected: inverse of the covariance's factor, over
-  /// the root of states_a_bit.
-  Eigen::MatrixXd Whitened(const Eigen::MatrixXd& rows) const;
+  /// S x 3P residuals -> values that are independent and of unit variance under this discrepancy, state by
+  /// state.
+  Eigen::VectorXd Whitened(const Eigen::MatrixXd& residuals) const;
+  /// The same of several derivatives, a column each.
+  Eigen::MatrixXd Whitened(const std::vector<Eigen::MatrixXd>& slopes) const;
 };
 
 struct LearnedPostures {
@@ -29,23 +36,26 @@ struct LearnedPostures {
   PostureRobot file;
   Eigen::VectorXd x;           // changes at the maximum
   Eigen::MatrixXd precision;   // of the posterior there
-  Eigen::MatrixXd left_m;      // measured less predicted, S x 3P
-  Eigen::MatrixXd held_out_m;  // the same, each quarter predicted with the numbers that the others give
+  Eigen::MatrixXd held_out_m;  // measured less predicted, each quarter with the numbers that the others give
   Eigen::MatrixXd as_filed_m;  // the same with the numbers of the file
   Discrepancy discrepancy;     // of held_out_m
-  int iterations = 0;
-  int unsolved = 0;  // states without an equilibrium
+  int unsolved = 0;            // states without an equilibrium
   bool converged = false;
 
   PostureRobot RobotAt(const Eigen::VectorXd& changes) const { return WithNumbers(file, numbers, changes); }
+  /// Rms distance that the learned robot misses a disk by (from 0, of those seen), held out [m].
+  double Floor(int disk) const;
 };
+
+/// Rms distance of a disk (from 0, of those seen) over the rows of S x 3P residuals [m].
+double DiskRms(const Eigen::MatrixXd& residuals_m, int disk);
 
 struct LearnPosturesOptions {
   int threads = 1;
   std::function<void(double)> progress{};  // from 0 to 1
 };
 
-/// Throws std::runtime_error where the robot of the file cannot be solved, or there are too few states.
+/// Throws std::runtime_error where there are fewer states than kLeastPostures.
 LearnedPostures LearnPostures(const RobotParameters& file, const Postures& postures, bool frame_is_known,
                               const LearnPosturesOptions& options);
 

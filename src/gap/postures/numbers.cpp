@@ -16,7 +16,7 @@ namespace {
 constexpr double kZero = 0.25;          // of a tendon's zero, over its distance from the backbone: a bend
 constexpr double kRestBend_rad = 0.15;  // of a section without load
 constexpr double kTilt_rad = 0.05;      // of the base
-constexpr double kAnyWay_rad = 1.5;     // of one that nobody wrote down
+constexpr double kAnyWay_rad = 1.5;     // of a base whose mount is unknown
 constexpr double kLag_s = 0.1;
 constexpr double kPlaced = 0.01,
                  kPlaced_rad = 0.02;  // of a tracker placed with care: of the length, and turned
@@ -60,12 +60,11 @@ class Listing {
                           double& number = place(robot.robot);
                           number = additive ? number + change : number * std::exp(change);
                         },
-                    .value = [place](RobotParameters robot) { return place(robot); },
-                    .additive = additive});
+                    .value = [place](RobotParameters robot) { return place(robot); }});
   }
   /// One that no file holds.
   void Add(std::string key, double deviation, std::function<void(PostureRobot&, double)> apply) {
-    all_.push_back({std::move(key), deviation, std::move(apply), {}, true});
+    all_.push_back({std::move(key), deviation, std::move(apply), {}});
   }
 
   void OfSection(std::size_t k) {
@@ -124,7 +123,7 @@ class Listing {
   }
 
   void OfMount() {
-    // Who does not know how the tracker stands to the base has not written down how the base stands either.
+    // Where the tracker's frame is unknown, so is the mount of the base.
     for (int axis = 0; axis < 3; ++axis) {
       Add(fmt::format("turn of gravity about {}", "xyz"[axis]), known_ ? kTilt_rad : kAnyWay_rad,
           [axis](PostureRobot& robot, double change) {

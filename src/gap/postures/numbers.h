@@ -11,13 +11,12 @@
 namespace tendril::gap {
 
 struct PostureNumber {
-  std::string key;       // "body.sections[1].youngs_modulus_Pa"; what the file does not hold in plain words
+  std::string key;  // "body.sections[1].youngs_modulus_Pa"; in plain words where the file does not hold it
   double deviation = 0;  // prior standard deviation of the change
   /// By a factor exp(change), or by addition.
   std::function<void(PostureRobot&, double change)> apply{};
   /// Its value in a robot of the file; empty for a number that the file does not hold.
   std::function<double(const RobotParameters&)> value{};
-  bool additive = false;
 };
 
 /// Those that are not known exactly. `frame_is_known`: the tracker's readings are in the base frame but for

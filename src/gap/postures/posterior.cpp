@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 #include "../judge.h"
 #include "tendril/gap/words.h"
@@ -15,114 +16,134 @@ namespace {
 
 // Prior probabilities: of no change, of one in the library (shared evenly), of one outside it.
 constexpr double kNone = 0.5, kListed = 0.4, kUnlisted = 0.1;
-// Floors that an established cause may leave.
-constexpr double kMostLeft_sigma = 5;
-// Log of the ratio at which two are not told apart.
-constexpr double kSame = 3;
-constexpr double kUnseen = 0.3;  // probability of a gap too small for these states where none shows
+// Half of a 95 % interval of the mean of kQuarters values, in standard errors (Student, three degrees).
+constexpr double kOfQuarters95 = 3.182;
 
 double NormalCdf(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
 
-/// Probability that a fitted change is larger than what matters.
+/// Probability that a fitted change is larger than what does not matter.
 double Matters(const ChangeFit& fit) {
-  if (!fit.refined || fit.z.size() == 0) return 1;
-  const double sure = std::sqrt(std::max(1e-12, fit.z.dot(fit.covariance.ldlt().solve(fit.z))));
-  return NormalCdf(sure * (1 - kMatters / std::max(fit.sigma, 1e-12)));
+  if (fit.held_out_m.size() == 0) return 1;  // screened
+  const double sure = std::sqrt(std::max(0.0, fit.z.dot(fit.covariance.ldlt().solve(fit.z))));
+  return fit.moves > 0 ? NormalCdf(sure * (1 - 1 / fit.moves)) : 0;
 }
 
-/// Share of the excess square that goes, over some states and the channels that have an excess in all.
-std::optional<double> ClosedIn(const LearnedPostures& learned, const Eigen::MatrixXd& before,
-                               const Eigen::MatrixXd& after, Eigen::Index first, Eigen::Index count) {
-  double had = 0, has = 0;
-  for (Eigen::Index c = 0; c < before.cols(); ++c) {
-    const double floor =
-        learned.held_out_m.col(c).squaredNorm() / static_cast<double>(learned.held_out_m.rows());
-    const double all = before.col(c).squaredNorm() / static_cast<double>(before.rows());
-    if (all < 1.25 * floor) continue;
-    had += (before.col(c).segment(first, count).squaredNorm() / static_cast<double>(count) - floor) / floor;
-    has += (after.col(c).segment(first, count).squaredNorm() / static_cast<double>(count) - floor) / floor;
+/// What the states before and after the change say of one search.
+class Weighing {
+ public:
+  Weighing(const LearnedPostures& learned, const ChangeSearch& search, double delta_m)
+      : learned_(learned), search_(search), delta_m_(delta_m) {}
+
+  ChangePosterior Result() {
+    const double gap = WeighHypotheses();
+    // No hypothesis is certain.
+    const double shown = gap >= 0.5 ? gap : kUnseen + (1 - 2 * kUnseen) * gap;
+    for (double& its : p_.fits) its *= (1 - kLapse) * (gap > 0 ? shown / gap : 0);
+    p_.none = 1 - shown;
+    if (!search_.fits.empty() && gap >= 0.5) CheckBest();
+    p_.unlisted = 1 - p_.none - std::accumulate(p_.fits.begin(), p_.fits.end(), 0.0);
+    return std::move(p_);
   }
-  if (had <= 0) return std::nullopt;
-  return 1 - std::max(0.0, has) / had;
-}
 
-std::optional<Estimate> Closed(const LearnedPostures& learned, const Eigen::MatrixXd& before,
-                               const Eigen::MatrixXd& after) {
-  const Eigen::Index states = before.rows();
-  const auto all = ClosedIn(learned, before, after, 0, states);
-  if (!all) return std::nullopt;
-  Estimate closed{*all, *all, *all};
-  for (int quarter = 0; quarter < kQuarters; ++quarter) {
-    const Eigen::Index first = states * quarter / kQuarters;
-    const auto part = ClosedIn(learned, before, after, first, states * (quarter + 1) / kQuarters - first);
-    if (!part) continue;
-    closed.low = std::min(closed.low, *part);
-    closed.high = std::max(closed.high, *part);
+ private:
+  int disks() const { return static_cast<int>(search_.before_m.cols()) / 3; }
+
+  /// The probability of a change that matters.
+  double WeighHypotheses() {
+    const auto count = static_cast<double>(std::max<std::size_t>(1, search_.fits.size()));
+    const double each = std::log(kListed / count);
+    const double none = std::log(kNone) + search_.none_log_evidence;
+    const double unlisted = std::log(kUnlisted) + search_.unlisted_log_evidence;
+    double top = std::max(none, unlisted);
+    for (const ChangeFit& fit : search_.fits) top = std::max(top, each + fit.log_evidence);
+    double sum = std::exp(none - top) + std::exp(unlisted - top);
+    for (const ChangeFit& fit : search_.fits) sum += std::exp(each + fit.log_evidence - top);
+    double gap = AnyExcess(search_.before_m) ? std::exp(unlisted - top) / sum : 0;
+    for (const ChangeFit& fit : search_.fits) {
+      p_.fits.push_back(Matters(fit) * std::exp(each + fit.log_evidence - top) / sum);
+      p_.same.push_back(search_.fits.front().log_evidence - fit.log_evidence < kSame);
+      gap += p_.fits.back();
+    }
+    return gap;
   }
-  return closed;
-}
 
-double WorstExcess(const LearnedPostures& learned, const Eigen::MatrixXd& left) {
-  double worst = 0;
-  for (int d = 0; d < static_cast<int>(left.cols()) / 3; ++d)
-    worst = std::max(worst, ExcessSigma(DiskRms(left, d), DiskRms(learned.held_out_m, d)));
-  return worst;
-}
+  bool AnyExcess(const Eigen::MatrixXd& residuals) const {
+    for (int d = 0; d < disks(); ++d) {
+      if (HasExcess(learned_, residuals, d, delta_m_)) return true;
+    }
+    return false;
+  }
+
+  /// A cause that closes too little or leaves too much is not established, whatever the alternatives.
+  void CheckBest() {
+    const Eigen::MatrixXd& after = search_.fits.front().held_out_m;
+    if (after.size() == 0) return;  // no change of the library can be
+    p_.closed = Closed(after);
+    for (int d = 0; d < disks(); ++d)
+      p_.leftover_sigma = std::max(p_.leftover_sigma, Excess(learned_, after, d) / learned_.Floor(d));
+    if (p_.closed && p_.closed->value < 1 - kMayStay) {
+      p_.doubt = fmt::format("it closes {} of the gap on held-out states, and a cause has to close {}",
+                             Percent(p_.closed->value), Percent(1 - kMayStay));
+    } else if (p_.leftover_sigma > kMostLeft_sigma) {
+      p_.doubt = fmt::format("{:.2g} sigma beyond the floor remain", p_.leftover_sigma);
+    }
+    const double first = *std::max_element(p_.fits.begin(), p_.fits.end());
+    if (p_.doubt.empty() || first <= 0.5) return;
+    for (double& its : p_.fits) its *= 0.5 / first;
+  }
+
+  /// Share of the excess mean square that goes, over some states and the disks that have an excess in all.
+  std::optional<double> ClosedIn(const Eigen::MatrixXd& after, const StateRange& range) const {
+    double had = 0, has = 0;
+    for (int d = 0; d < disks(); ++d) {
+      if (!HasExcess(learned_, search_.before_m, d, delta_m_)) continue;
+      const auto in_floors = [&](const Eigen::MatrixXd& residuals) {
+        return std::pow(DiskRms(residuals.middleRows(range.first, range.count), d) / learned_.Floor(d), 2);
+      };
+      had += in_floors(search_.before_m) - 1;
+      has += in_floors(after) - 1;
+    }
+    if (had <= 0) return std::nullopt;
+    return 1 - std::max(0.0, has) / had;
+  }
+
+  std::optional<Estimate> Closed(const Eigen::MatrixXd& after) const {
+    const auto all = ClosedIn(after, {0, after.rows()});
+    if (!all) return std::nullopt;
+    double sum = 0, squares = 0;
+    int count = 0;
+    for (int quarter = 0; quarter < kQuarters; ++quarter) {
+      const auto part = ClosedIn(after, QuarterOf(quarter, after.rows()));
+      if (!part) continue;
+      sum += *part;
+      squares += *part * *part;
+      ++count;
+    }
+    if (count < kQuarters) return Estimate{*all, -1, 1};
+    const double variance = std::max(0.0, squares / count - std::pow(sum / count, 2)) / (count - 1);
+    const double half = kOfQuarters95 * std::sqrt(variance);
+    return Estimate{*all, *all - half, std::min(1.0, *all + half)};
+  }
+
+  const LearnedPostures& learned_;
+  const ChangeSearch& search_;
+  const double delta_m_;
+  ChangePosterior p_;
+};
 
 }  // namespace
 
-double DiskRms(const Eigen::MatrixXd& left_m, int disk) {
-  return std::sqrt(left_m.middleCols(3 * disk, 3).squaredNorm() / static_cast<double>(left_m.rows()));
+double Excess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int disk) {
+  const double rms = DiskRms(residuals_m, disk), floor = learned.Floor(disk);
+  return std::sqrt(std::max(0.0, rms * rms - floor * floor));
 }
 
-double ExcessSigma(double rms, double floor) {
-  return rms > floor ? std::sqrt(rms * rms - floor * floor) / floor : 0;
+bool HasExcess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int disk, double delta_m) {
+  return Excess(learned, residuals_m, disk) > LeastThatMatters(learned, disk, delta_m);
 }
 
-ChangePosterior PosteriorOf(const LearnedPostures& learned, const ChangeSearch& search) {
-  ChangePosterior p;
-  p.excess_sigma = WorstExcess(learned, search.before_m);
-  const double each = std::log(kListed / static_cast<double>(std::max<std::size_t>(1, search.fits.size())));
-  const double none = std::log(kNone) + search.none.log_evidence;
-  const double unlisted = std::log(kUnlisted) + search.unlisted_log_evidence;
-  double top = std::max(none, unlisted);
-  for (const ChangeFit& fit : search.fits) top = std::max(top, each + fit.log_evidence);
-  double sum = std::exp(none - top) + std::exp(unlisted - top);
-  for (const ChangeFit& fit : search.fits) sum += std::exp(each + fit.log_evidence - top);
-  p.unlisted = p.excess_sigma > kMatters ? std::exp(unlisted - top) / sum : 0;
-  double listed = 0;
-  for (const ChangeFit& fit : search.fits) {
-    p.fits.push_back(Matters(fit) * std::exp(each + fit.log_evidence - top) / sum);
-    listed += p.fits.back();
-    const bool same = search.fits.front().log_evidence - fit.log_evidence < kSame;
-    p.group.push_back(same ? 1 : 0);
-  }
-  if (std::count(p.group.begin(), p.group.end(), 1) == 1) p.group.front() = 0;
-  // No hypothesis is certain.
-  const double gap = p.unlisted + listed;
-  const double shown = gap >= 0.5 ? gap : kUnseen + (1 - 2 * kUnseen) * gap;
-  const double scale = gap > 0 ? shown / gap : 0;
-  for (double& its : p.fits) its *= scale * (1 - kLapse);
-  p.none = 1 - shown;
-  if (!search.fits.empty() && gap >= 0.5) {
-    const ChangeFit& best = search.fits.front();
-    p.closed = Closed(learned, search.before_m, best.held_out_m);
-    p.leftover_sigma = WorstExcess(learned, best.held_out_m);
-    if (p.closed && p.closed->value < 1 - kMayStay) {
-      p.doubt = fmt::format("it closes {} of the gap on held-out states, and a cause has to close {}",
-                            Percent(p.closed->value), Percent(1 - kMayStay));
-    } else if (p.leftover_sigma > kMostLeft_sigma) {
-      p.doubt = fmt::format("{:.2g} sigma beyond the floor remain", p.leftover_sigma);
-    }
-    const double first = p.fits.empty() ? 0 : *std::max_element(p.fits.begin(), p.fits.end());
-    if (!p.doubt.empty() && first > 0.5) {
-      for (double& its : p.fits) its *= 0.5 / first;
-    }
-  }
-  listed = 0;
-  for (const double its : p.fits) listed += its;
-  p.unlisted = 1 - p.none - listed;
-  return p;
+ChangePosterior PosteriorOf(const LearnedPostures& learned, const ChangeSearch& search, double delta_m) {
+  return Weighing(learned, search, delta_m).Result();
 }
 
 }  // namespace tendril::gap

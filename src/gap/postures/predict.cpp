@@ -169,11 +169,10 @@ class Predicting {
 PostureRobot PostureRobot::Of(const RobotParameters& robot) {
   PostureRobot out;
   const sim::TrackerPlacement tracker = sim::PlacementOfTracker(robot);
-  const Eigen::AngleAxisd turn(tracker.R);
-  out.turn_rad = turn.angle() * turn.axis();
+  out.turn_rad = RotationVector(tracker.R);
   out.shift_m = tracker.offset_m;
   out.robot = sim::FoldEffects(robot);
-  const auto tendons = out.robot.actuation->tendons;
+  const auto& tendons = out.robot.actuation->tendons;
   out.zero_m.resize(static_cast<Eigen::Index>(tendons.size()));
   for (std::size_t j = 0; j < tendons.size(); ++j) {
     out.zero_m[static_cast<Eigen::Index>(j)] = robot.limits.min_tension_N / tendons[j].tendon.stiffness_Npm;
@@ -217,16 +216,6 @@ Predicted Predict(const RobotAt& robot_at, const Eigen::VectorXd& x, int slopes,
   });
   for (const int n : unsolved) out.unsolved += n;
   return out;
-}
-
-Eigen::MatrixXd Measured(const Postures& postures) {
-  Eigen::MatrixXd all(postures.states(), postures.channels());
-  Eigen::Index row = 0;
-  for (const States& run : postures.runs) {
-    all.middleRows(row, run.disks_m.rows()) = run.disks_m;
-    row += run.disks_m.rows();
-  }
-  return all;
 }
 
 }  // namespace tendril::gap

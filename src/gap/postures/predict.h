@@ -42,7 +42,4 @@ using RobotAt = std::function<PostureRobot(const Eigen::VectorXd& x)>;
 Predicted Predict(const RobotAt& robot_at, const Eigen::VectorXd& x, int slopes, const Postures& postures,
                   int threads);
 
-/// The disks as measured, in the same order.
-Eigen::MatrixXd Measured(const Postures& postures);
-
 }  // namespace tendril::gap

@@ -10,10 +10,9 @@
 namespace tendril::gap {
 namespace {
 
-// Longer than stamps and readings of a position controller jitter, short beside a motion by hand or sight;
-// longer where a run would have more states than bring anything new.
+// Long beside the jitter of a position controller's stamps and readings, short beside a slow motion.
 constexpr double kState_s = 0.25;
-constexpr int kMostStates = 800;
+constexpr int kMostStates = 2000;   // of a set: more would cost memory and bring little
 constexpr double kRounding = 1e-6;  // of stamps, in states
 
 bool Read(const Eigen::MatrixXd& values) { return values.array().isFinite().any(); }
@@ -61,10 +60,8 @@ class Averaging {
   States Result() {
     out_.run = run_.name;
     const Eigen::Index rows = run_.time_s.size();
-    const double duration_s = run_.time_s[rows - 1] - run_.time_s[0];
-    const double state_s = std::max(kState_s, duration_s / kMostStates);
     const auto state_of = [&](Eigen::Index row) {
-      return std::floor((run_.time_s[row] - run_.time_s[0]) / state_s + kRounding);
+      return std::floor((run_.time_s[row] - run_.time_s[0]) / kState_s + kRounding);
     };
     for (Eigen::Index first = 0; first < rows;) {
       Eigen::Index end = first + 1;
@@ -114,7 +111,26 @@ class Averaging {
   States out_;
 };
 
+/// Every n-th state.
+void Thin(States& run, int n) {
+  std::vector<Eigen::Index> kept;
+  for (Eigen::Index i = 0; i < run.time_s.size(); i += n) kept.push_back(i);
+  run.time_s = run.time_s(kept).eval();
+  for (Eigen::MatrixXd* values : {&run.motor_rad, &run.motor_radps, &run.disks_m})
+    *values = (*values)(kept, Eigen::all).eval();
+}
+
 }  // namespace
+
+Eigen::MatrixXd Postures::Stacked(Eigen::MatrixXd States::*values) const {
+  Eigen::MatrixXd all(states(), (runs.front().*values).cols());
+  Eigen::Index row = 0;
+  for (const States& run : runs) {
+    all.middleRows(row, (run.*values).rows()) = run.*values;
+    row += (run.*values).rows();
+  }
+  return all;
+}
 
 int Postures::states() const {
   int all = 0;
@@ -149,6 +165,10 @@ Postures PosturesOf(const std::vector<const Run*>& runs, const RobotParameters& 
           "run {}: motors and disks are nowhere read together; accepted: readings of the same times",
           run->name));
     }
+  }
+  const int every = (postures.states() + kMostStates - 1) / kMostStates;
+  for (States& run : postures.runs) {
+    if (every > 1) Thin(run, every);
   }
   return postures;
 }

@@ -26,6 +26,8 @@ struct Postures {
 
   int states() const;
   int channels() const { return 3 * static_cast<int>(disks.size()); }
+  /// One matrix of all runs, one below the other.
+  Eigen::MatrixXd Stacked(Eigen::MatrixXd States::*values) const;
 };
 
 /// Every run has motor positions and disks or the tip, and neither torques nor tensions: the motors hold
