@@ -19,12 +19,13 @@ from .simulation import Progress
 
 @dataclass(frozen=True)
 class CalibratedNumber:
-    """A number of the file, before and after the runs."""
+    """A number of the file, before and after the runs; of a position-controlled robot also what no file holds, such as the zero
+    of a tendon."""
 
     key: str
     unit: str
     deviations_are: str
-    """'share' of the value, or 'rad'."""
+    """'share' of the value, or the number's unit."""
     in_file: float
     value: float
     low: float

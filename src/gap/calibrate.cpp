@@ -15,6 +15,7 @@
 #include "interval.h"
 #include "learn.h"
 #include "measurement_check.h"
+#include "postures/calibrate_postures.h"
 #include "readable.h"
 #include "score.h"
 #include "tendril/config/keys.h"
@@ -27,17 +28,13 @@ class Calibrating {
  public:
   Calibrating(const DataSet& given, const CalibrateOptions& options)
       : options_(options), threads_(options.threads > 0 ? options.threads : AllCores()), file_(given.robot) {
-    auto [set, contradictions] = Readable(given, found_.notes);
-    if (!contradictions.empty()) {
-      throw std::runtime_error(
-          fmt::format("{}: a unit of the runs, or a number of the robot file is wrong; correct it "
-                      "before the others are inferred",
-                      contradictions.front()));
-    }
+    ReadableSet readable = Readable(given, found_.notes);
+    RefuseContradictions(readable);
     DiagnoseOptions reading;
     reading.seed = options.seed;
     reading.progress = options.progress;
-    evaluator_.emplace(MeasurementCheck(set, found_.notes, reading, threads_, false).PrepareComparable());
+    evaluator_.emplace(
+        MeasurementCheck(readable.set, found_.notes, reading, threads_, false).PrepareComparable());
     for (const std::string& line : evaluator_->degradations()) found_.notes.push_back(line);
     learned_.free = FreeNumbersOf(evaluator_->nominal());
     if (learned_.free.size() == 0) {
@@ -104,16 +101,11 @@ class Calibrating {
     }
   }
 
-  /// Digits far beyond a number's uncertainty would only burden its reader.
   void RoundToDeviation(const Eigen::VectorXd& deviation) {
-    constexpr double kFiner = 0.01;
     for (int k = 0; k < learned_.free.size(); ++k) {
       const FileNumber& number = learned_.free.numbers[static_cast<std::size_t>(k)];
       const double value = number.ValueAt(learned_.x[k]);
-      const double fine = kFiner * deviation[k] * (number.angle ? 1 : std::abs(value));
-      if (!(fine > 0)) continue;
-      const double unit = std::pow(10, std::floor(std::log10(fine)));
-      const double rounded = std::round(value / unit) * unit;
+      const double rounded = RoundedTo(value, deviation[k] * (number.angle ? 1 : std::abs(value)));
       learned_.x[k] = number.angle ? rounded - number.in_file : std::log(rounded / number.in_file);
     }
   }
@@ -131,7 +123,7 @@ class Calibrating {
       CalibratedNumber c;
       c.key = number.key;
       c.unit = config::UnitOfKey(number.key.substr(number.key.find_last_of(". ") + 1));
-      c.angle = number.angle;
+      c.additive = number.angle;
       c.in_file = number.in_file;
       c.value = number.ValueAt(learned_.x[k]);
       c.prior = learned_.free.deviation[k];
@@ -169,14 +161,14 @@ class Calibrating {
 }  // namespace
 
 double CalibratedNumber::Moved() const {
-  return (angle ? value - in_file : std::log(value / in_file)) / prior;
+  return (additive ? value - in_file : std::log(value / in_file)) / prior;
 }
 
 Calibration Calibrate(const DataSet& set, const CalibrateOptions& options) {
   if (Compared(set))
     throw std::runtime_error(
         "runs from before a change: accepted: runs of the robot as it is, without --before");
-  return Calibrating(set, options).Result();
+  return CanCalibratePostures(set) ? CalibratePostures(set, options) : Calibrating(set, options).Result();
 }
 
 }  // namespace tendril::gap

@@ -20,8 +20,9 @@ constexpr double kLearned = 0.2;
 constexpr double kContradicts = 3, kTogether = 0.9;
 
 std::string Deviation(const CalibratedNumber& c, double deviation) {
-  return c.angle ? fmt::format("{:.2g}°", deviation * kDegreesPerRadian)
-                 : fmt::format("{:.2g} %", 100 * deviation);
+  if (!c.additive) return fmt::format("{:.2g} %", 100 * deviation);
+  if (c.unit == "rad") return fmt::format("{:.2g}°", deviation * kDegreesPerRadian);
+  return WithUnit(deviation, c.unit);
 }
 
 std::string Row(const CalibratedNumber& c) {
@@ -117,7 +118,7 @@ std::string CalibrationJson(const Calibration& calibration) {
   for (const CalibratedNumber& c : calibration.numbers) {
     json["numbers"].push_back({{"key", c.key},
                                {"unit", c.unit},
-                               {"deviations_are", c.angle ? "rad" : "share"},
+                               {"deviations_are", c.additive ? c.unit : "share"},
                                {"in_file", c.in_file},
                                {"value", c.value},
                                {"low", c.low},

@@ -13,6 +13,7 @@
 
 #include "health_signal.h"
 #include "leap.h"
+#include "marker_errors.h"
 #include "median.h"
 #include "prepare.h"
 
@@ -376,6 +377,7 @@ Masked MaskImplausible(DataSet& set) {
       find.OutOfRange(run.disks_m, c, fmt::format("disk {} {}", c / 3 + 1, "xyz"[c % 3]),
                       kBeyond * robot.body.length_m(), tips);
     }
+    MaskMarkerErrors(run, robot.body.length_m(), said);
     if (run.motor_position_rad.rows() != run.time_s.size()) continue;
     // Between states at rest a motor may have been anywhere.
     for (Eigen::Index j = 0; j < run.motor_position_rad.cols() && UsualStep(run) <= kQuasiStatic_s; ++j) {

@@ -29,8 +29,8 @@ struct Masked {
 
 /// Turns into missing values: rare values far beyond the robot's reach; whole columns of tension, torque or
 /// tip that lie there (another unit); isolated motor positions far from their neighbours; stretches in which
-/// a cell or the tracker keeps one value to the last bit while the motor turns; and values clipped at the end
-/// of a sensor's range.
+/// a cell or the tracker keeps one value to the last bit while the motor turns; values clipped at the end of
+/// a sensor's range; and what MaskMarkerErrors finds.
 Masked MaskImplausible(DataSet& set);
 
 }  // namespace tendril::gap

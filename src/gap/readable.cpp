@@ -1,5 +1,8 @@
 #include "readable.h"
 
+#include <fmt/format.h>
+
+#include <stdexcept>
 #include <utility>
 
 #include "comparable.h"
@@ -26,6 +29,14 @@ ReadableSet Readable(const DataSet& given, std::vector<std::string>& notes) {
   note(masked.lines);
   RefuseOtherTime(set);
   return {std::move(set), std::move(masked.contradictions)};
+}
+
+void RefuseContradictions(const ReadableSet& set) {
+  if (set.contradictions.empty()) return;
+  throw std::runtime_error(
+      fmt::format("{}: a unit of the runs, or a number of the robot file is wrong; correct it before the "
+                  "others are inferred",
+                  set.contradictions.front()));
 }
 
 }  // namespace tendril::gap

@@ -18,4 +18,7 @@ struct ReadableSet {
 /// std::runtime_error where nothing is left, or where the time of all runs is in another unit.
 ReadableSet Readable(const DataSet& given, std::vector<std::string>& notes);
 
+/// Throws std::runtime_error with the first contradiction: from such readings no number can be inferred.
+void RefuseContradictions(const ReadableSet& set);
+
 }  // namespace tendril::gap

@@ -1,4 +1,5 @@
-// Newton's method on the residual, with a line search on its norm.
+// Newton's method on the residual, with a line search on its norm. The tangent costs most: an old one is
+// kept, from the state before too, while each step leaves little.
 #include "tendril/model/held_statics.h"
 
 #include <Eigen/Dense>
@@ -26,6 +27,7 @@ HeldStatics::HeldStatics(const Body& body, ConstVectorRef stiffness_Npm, double 
       trial_force_(body.dof()),
       step_(body.dof()),
       trial_(body.dof()),
+      spring_(body.tendons()),
       length_jacobian_(body.tendons(), body.dof()),
       tangent_(body.dof(), body.dof()) {}
 
@@ -43,34 +45,50 @@ void HeldStatics::Linearise(ConstVectorRef pull_m, ConstVectorRef q) {
   for (Eigen::Index j = 0; j < tension_.size(); ++j)
     tension_[j] = stiffness_[j] * width_ * SoftPlus((pull_m[j] - shortening_[j]) / width_);
   body_->TangentStiffness(q, tension_, TipWrench(), tangent_);
-  for (Eigen::Index j = 0; j < tension_.size(); ++j) {
-    const double stiffness = stiffness_[j] * Logistic((pull_m[j] - shortening_[j]) / width_);
-    tangent_.noalias() += stiffness * length_jacobian_.row(j).transpose() * length_jacobian_.row(j);
-  }
+  for (Eigen::Index j = 0; j < tension_.size(); ++j)
+    spring_[j] = stiffness_[j] * Logistic((pull_m[j] - shortening_[j]) / width_);
+  tangent_.noalias() += length_jacobian_.transpose() * (spring_.asDiagonal() * length_jacobian_);
+}
+
+const Eigen::PartialPivLU<Eigen::MatrixXd>& HeldStatics::Tangent(ConstVectorRef pull_m, ConstVectorRef q) {
+  Linearise(pull_m, q);
+  factors_.compute(tangent_);
+  factored_ = true;
+  return factors_;
 }
 
 bool HeldStatics::Solve(ConstVectorRef pull_m, VectorRef q) {
   constexpr int kSteps = 60, kHalvings = 12;
-  constexpr double kLongest = 0.5;                // of a coordinate in one step
+  constexpr double kLongest = 0.5;  // of a coordinate in one step
+  constexpr double kStale = 0.1;    // of the residual, that a step with an old tangent may leave
   constexpr double kSmall = 1e-10, kFair = 1e-7;  // of the largest moment that the tendons can make
   const double scale =
       stiffness_.maxCoeff() * body_->parameters().largest_hole_m() * body_->parameters().largest_hole_m();
   Residual(pull_m, q, force_);
+  bool fresh = false;  // the tangent is that at q
   for (int n = 0; n < kSteps; ++n) {
-    Linearise(pull_m, q);
     const double norm = force_.norm();
     if (norm < kSmall * scale) return true;
-    step_ = -tangent_.partialPivLu().solve(force_);
+    if (!factored_) {
+      Tangent(pull_m, q);
+      fresh = true;
+    }
+    step_ = -factors_.solve(force_);
     double share = std::min(1.0, kLongest / std::max(step_.cwiseAbs().maxCoeff(), 1e-300));
     bool nearer = false;
-    for (int half = 0; half < kHalvings && !nearer; ++half, share /= 2) {
+    const int halvings = fresh ? kHalvings : 1;
+    const double least = fresh ? norm : kStale * norm;
+    for (int half = 0; half < halvings && !nearer; ++half, share /= 2) {
       trial_ = q + share * step_;
       Residual(pull_m, trial_, trial_force_);
-      nearer = trial_force_.allFinite() && trial_force_.norm() < norm;
+      nearer = trial_force_.allFinite() && trial_force_.norm() < least;
     }
-    if (!nearer) return norm < kFair * scale;
+    if (!nearer && fresh) return norm < kFair * scale;
+    factored_ = nearer && trial_force_.norm() < kStale * norm;
+    if (!nearer) continue;
     q = trial_;
     force_.swap(trial_force_);
+    fresh = false;
   }
   return force_.norm() < kFair * scale;
 }

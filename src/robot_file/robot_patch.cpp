@@ -103,7 +103,28 @@ void RemoveGone(Editor& editor, const Leaves& before, const Leaves& after) {
   }
 }
 
+/// A diameter within which the disk's holes no longer fit gives way to the inertias that it stood for.
+void ReplaceSmallDisks(Editor& editor, const RobotParameters& after) {
+  for (std::size_t k = 0; k < after.body.sections.size(); ++k) {
+    const SectionParameters& section = after.body.sections[k];
+    const YAML::Node map = editor.At({"body", "sections", fmt::format("[{}]", k)});
+    if (!map.IsMap() || !map["disk_diameter_m"] || map.Style() == YAML::EmitterStyle::Flow) continue;
+    const YAML::Node given = map["disk_diameter_m"];
+    const double disk_m = (given.IsMap() ? given["value"] : given).as<double>();
+    double outer_m = 0;
+    for (const TendonRoute& route : section.tendons)
+      outer_m = std::max({outer_m, route.radius_m, route.end_radius_m.value_or(0)});
+    if (disk_m > 2 * outer_m) continue;
+    editor.Remove(map, "disk_diameter_m");
+    editor.Append(map,
+                  {fmt::format("disk_inertia_xx_kgm2: {}   # for disk_diameter_m {}: no room for the holes",
+                               section.disk_inertia_xx_kgm2, disk_m),
+                   fmt::format("disk_inertia_zz_kgm2: {}", section.disk_inertia_zz_kgm2)});
+  }
+}
+
 void CarryOthers(Editor& editor, const RobotParameters& before, const RobotParameters& after) {
+  ReplaceSmallDisks(editor, after);
   RemoveGone(editor, OtherLeaves(before), OtherLeaves(after));
   const YAML::Node resolved = Resolved(after);
   std::vector<Path> whole;  // lists and vectors that are inserted whole

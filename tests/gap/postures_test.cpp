@@ -12,8 +12,11 @@
 #include "gap/postures/posterior.h"
 #include "gap/sources.h"
 #include "support/hose.h"
+#include "tendril/config/config.h"
+#include "tendril/gap/calibrate.h"
 #include "tendril/gap/data_set.h"
 #include "tendril/gap/run_table.h"
+#include "tendril/robot_file/robot_patch.h"
 #include "tendril/sim/replay.h"
 
 namespace tendril::gap {
@@ -36,16 +39,18 @@ RobotParameters Hose() {
   drive.motor.torque_constant_NmpA = drive.motor.nominal_current_A = 1;
   drive.motor.rotor_inertia_kgm2 = 1e-4;
   drive.drive.encoder_counts_per_turn = 4096;
+  drive.drive.rated_torque_Nm = drive.drive.current_limit_A = 1;
   drive.gear.ratio = drive.gear.efficiency = 1;
   drive.gear.presliding_yields_rad = {0.005};
   drive.motor.coulomb_friction_Nm = drive.motor.coulomb_angle_rad = 0.01;
   drive.motor.coulomb_damping_Nms = 1e-6;
   drive.transmission.presliding_m = 5e-5;
   drive.tendon.damping_Nspm = 10;
+  drive.tendon.free_length_m = 0.2;
   drive.spool.radius_m = 0.01;
   drive.tendon.stiffness_Npm = 800;
   robot.actuation.emplace();
-  robot.actuation->tendons.assign(8, drive);
+  for (drive.node_id = 1; drive.node_id <= 8; ++drive.node_id) robot.actuation->tendons.push_back(drive);
   robot.uncertain["actuation.tendon.stiffness_Npm"] = {Uncertainty::Kind::kUnknown, 0};
   return robot;
 }
@@ -253,6 +258,83 @@ TEST(Postures, WhatNoHypothesisDoesIsUnknown) {
     if (sim::FindEffect(cause.effect) == nullptr) continue;
     EXPECT_LE(cause.p, 0.5) << cause.effect;
   }
+}
+
+TEST(Postures, ACalibrationWritesTheRobotThatMoved) {
+  const DataSet set{"set", Hose(), false, {Moved(AsBuilt(), "run", 1)}, {}};
+  CalibrateOptions options;
+  options.threads = 2;
+  const Calibration found = Calibrate(set, options);
+  EXPECT_TRUE(found.converged);
+  ASSERT_EQ(found.channels.size(), 6u);
+  for (const CalibratedChannel& c : found.channels) {
+    const bool sideways = !c.name.ends_with('z');
+    EXPECT_LT(c.held_out, sideways ? 0.6 * c.in_file : 5e-4) << c.name;
+  }
+  int file_numbers = 0, covered = 0;
+  for (const CalibratedNumber& c : found.numbers) {
+    EXPECT_LE(c.low, c.value) << c.key;
+    EXPECT_GE(c.high, c.value) << c.key;
+    if (!c.key.starts_with("body.sections[") && !c.key.starts_with("actuation.")) {
+      EXPECT_EQ(c.in_file, 0) << c.key;
+      EXPECT_FALSE(c.unit.empty()) << c.key;
+      if (c.key.starts_with("zero of tendon")) {
+        EXPECT_LT(std::abs(c.value), 0.25 * 0.025) << c.key;
+      }
+      continue;
+    }
+    for (const PostureNumber& number : PostureNumbers(Hose(), true)) {
+      if (number.key != c.key) continue;
+      const double truth = number.value(AsBuilt());
+      ++file_numbers;
+      covered += c.low <= truth && truth <= c.high;
+    }
+  }
+  EXPECT_GT(file_numbers, 30);
+  EXPECT_GE(covered, 0.9 * file_numbers);
+
+  // The file with them is that robot, and as good a beginning.
+  const robot_file::RobotPatch patch =
+      robot_file::PatchNumbers(config::ToYaml(Hose()), "hose.yaml", found.robot, {"calibrated"});
+  for (const CalibratedNumber& c : found.numbers) {
+    for (const PostureNumber& number : PostureNumbers(patch.robot, true)) {
+      if (number.key != c.key || !number.value) continue;
+      EXPECT_NEAR(number.value(patch.robot), c.value, 1e-9 * std::abs(c.value)) << c.key;
+    }
+  }
+  DataSet again = set;
+  again.robot = patch.robot;
+  const Calibration better = Calibrate(again, options);
+  for (std::size_t k = 0; k < better.channels.size(); ++k)
+    EXPECT_LT(better.channels[k].held_out, 1.1 * found.channels[k].held_out) << better.channels[k].name;
+
+  DataSet compared = Compared(AsBuilt(), AsBuilt());
+  EXPECT_THROW(Calibrate(compared, options), std::runtime_error);
+}
+
+// Names exchanged for a second and a half, ghosts and dropouts of a quarter of the frames: named, masked, and
+// the same robot learned.
+TEST(Postures, ReadingsThatCannotBeAreLeftOut) {
+  DataSet set{"set", Hose(), false, {Moved(AsBuilt(), "run", 1)}, {}};
+  CalibrateOptions options;
+  options.threads = 2;
+  const Calibration clean = Calibrate(set, options);
+  gap::Run& run = set.runs.front();
+  for (Eigen::Index row = 600; row < 630; ++row)
+    run.disks_m.row(row).segment<3>(3).swap(run.disks_m.row(row).segment<3>(9));
+  for (const Eigen::Index row : {101, 401, 2111}) run.disks_m(row, 10) += 0.05;
+  run.disks_m.row(1800).segment<3>(3).setConstant(4);
+  for (Eigen::Index row = 0; row < run.disks_m.rows(); row += 4)
+    run.disks_m.row(row).segment<3>(9).setConstant(kNoReading);
+  const Calibration found = Calibrate(set, options);
+  std::string notes;
+  for (const std::string& note : found.notes) notes += note + "\n";
+  for (const char* part : {"each other's names in 30 frames, first at 30 s",
+                           "disk 4 leaps away and back in 3 frames", "disk 2 x has 1 value"})
+    EXPECT_NE(notes.find(part), notes.npos) << part << " is not in\n" << notes;
+  for (std::size_t k = 0; k < found.channels.size(); ++k)
+    EXPECT_LT(found.channels[k].held_out, 1.15 * clean.channels[k].held_out) << found.channels[k].name;
+  EXPECT_EQ(clean.notes.size(), 1u);
 }
 
 TEST(Postures, AreOfRunsWithoutTorqueAndTension) {

@@ -41,13 +41,28 @@ TEST(Uncertainty, AnEditedNumberKeepsIt) {
   ASSERT_EQ(before.uncertain.size(), 4u);
   const RobotPatch patch = PatchRobot(
       text, "rig.yaml",
-      {Effect("bending_stiffness", "all", "scale", 0.5), Effect("gear_efficiency", "all", "scale", 0.5)},
-      {});
+      {Effect("bending_stiffness", "all", "scale", 0.5), Effect("gear_efficiency", "all", "scale", 0.5)}, {});
   EXPECT_NE(patch.text.find("youngs_modulus_Pa: {value: 1.15e10, within: 10 %}"), std::string::npos)
       << patch.text;
   EXPECT_NE(patch.text.find("efficiency: {within: 0.02, value: 0.42}"), std::string::npos) << patch.text;
   EXPECT_NE(patch.text.find("efficiency: {value: 0.4, within: unknown}"), std::string::npos) << patch.text;
   EXPECT_EQ(patch.robot.uncertain, before.uncertain);
+}
+
+TEST(Uncertainty, ADiskTooSmallForItsHolesGivesWayToItsInertia) {
+  std::ifstream in(TENDRIL_SOURCE_DIR "/config/robots/qi2021_90mm.yaml");
+  const std::string text{std::istreambuf_iterator<char>(in), std::istreambuf_iterator<char>()};
+  RobotParameters after = config::ParseRobot(text, "rig.yaml");
+  SectionParameters& section = after.body.sections[0];
+  section.unit_mass_kg *= 1.25;  // and with it the inertia that follows from the diameter
+  section.disk_inertia_xx_kgm2 *= 1.25;
+  section.disk_inertia_zz_kgm2 *= 1.25;
+  EXPECT_NE(PatchNumbers(text, "rig.yaml", after, {}).text.find("disk_diameter_m: 0.010 "),
+            std::string::npos);
+  for (TendonRoute& route : section.tendons) route.radius_m = 0.006;
+  const RobotPatch patch = PatchNumbers(text, "rig.yaml", after, {});
+  EXPECT_EQ(patch.text.find("disk_diameter_m: 0.010 "), std::string::npos) << patch.text;
+  EXPECT_EQ(patch.robot.body.sections[0].disk_inertia_zz_kgm2, section.disk_inertia_zz_kgm2);
 }
 
 TEST(Uncertainty, StaysInAListThatIsWrittenAnew) {

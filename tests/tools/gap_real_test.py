@@ -21,6 +21,28 @@ def check(condition, what):
         sys.exit(f"gap_real_test: {what}")
 
 
+def held_out_by_calibrate(program, runs, out):
+    """Of each disk, in mm; the new file is read back."""
+    robot, better, found = ROOT / "config" / "import" / "trunk_payload.yaml", f"{out}/better.yaml", f"{out}/found.json"
+    for command in (["gap", "calibrate", "--robot", robot, runs, "--out", better, "--json", found], ["config", "check", better]):
+        done = subprocess.run([program, *command], capture_output=True, text=True)
+        check(done.returncode == 0, done.stderr)
+    channels = json.loads(pathlib.Path(found).read_text())["channels"]
+    return [1e3 * sum(c["held_out"] ** 2 for c in channels[i:i + 3]) ** 0.5 for i in range(0, len(channels), 3)]
+
+
+def diagnosed_alone(program, data, out):
+    """The report of a table of states at rest with nothing from before to compare it with."""
+    runs, report, maps = f"{out}/alone", f"{out}/alone_report", ROOT / "config" / "import"
+    tables = [data / "opencr_tdcr" / f"v4_{part}.csv" for part in ("train", "val")]
+    for command in (["import", "--robot", maps / "opencr_tdcr_v4.yaml", "--map", maps / "opencr_tdcr_v4_map.yaml", *tables,
+                     "--out", runs],
+                    ["diagnose", "--robot", f"{runs}/robot.yaml", runs, "--out", report, "--no-next", "--refits", "6"]):
+        done = subprocess.run([program, "gap", *command], capture_output=True, text=True)
+        check(done.returncode == 0, done.stderr)
+    return json.loads((pathlib.Path(report) / "report.json").read_text())
+
+
 with tempfile.TemporaryDirectory() as out:
     absent = gap_real("--data", f"{out}/none", "--out", out)
     check(absent.returncode == 77 and len(absent.stderr.strip().splitlines()) == 1, f"no data: {absent}")
@@ -50,11 +72,29 @@ with tempfile.TemporaryDirectory() as out:
     # Where it was not fitted, the learned robot is some millimetres off, of 60 to 80 that it moves.
     floor = sets["trunk_a"]["floor_mm_by_disk"]
     check(all(x <= y for x, y in zip(floor, (1.6, 4.1, 7.2))), f"held out: {floor}")
+    calibrated = held_out_by_calibrate(sys.argv[1], f"{out}/trunk_a/before/runs", out)
+    check(all(abs(x - y) < 1e-3 for x, y in zip(calibrated, floor)), f"held out: {calibrated}, {floor}")
     check(sets["trunk_null"]["verdict"] == "no_gap", sets["trunk_null"]["sentence"])
 
-    # Its authors' own validation runs: the robot learned from the others explains most of what the file leaves.
-    for name, most in (("opencr_v4", 7.5), ("opencr_v6", 14)):
+    # Its authors' own validation runs: the robot learned from the others explains most of what the file leaves. The runs
+    # before of v6 predict each other to no better than its floor, so nothing closer can be asked of its validation.
+    for name, most in (("opencr_v4", 7.5), ("opencr_v6", sets["opencr_v6"]["floor_mm_by_disk"][-1])):
         errors = sets[name]["held_out_rms_mm"]
         check(errors["calibrated"] < most < errors["nominal"], f"{name}: {errors}")
         named = [c for c in sets[name]["causes"] if c["effect"] not in ("no_gap", "unknown") and c["p"] > 0.5]
         check(not named, f"{name}: {named}")
+
+    # 270 mm across, a robot that repeats itself to 4 mm: drawing, frame and statics bring its tip within a centimetre.
+    alone = diagnosed_alone(sys.argv[1], data, out)
+    axes = [c for c in alone["closed"]["channels"].values() if c["channel"].startswith("tip") and c["unit"] == "m"]
+    before, floor = (sum(c[key] ** 2 for c in axes) ** 0.5 for key in ("before", "floor"))
+    check(before < 0.010, f"tip error {before}")
+    check(0.002 < floor < 0.008, f"floor {floor}")
+    check(next(l for l in alone["location"] if l["first"])["cut"] == "C4", alone["location"])
+    # Friction, creep and wrong numbers cannot be told apart from positions alone: no single cause is named.
+    check(alone["verdict"] in ("unexplained", "ambiguous_group"), alone["sentence"])
+    families = {f["family"]: f for f in alone["closed"]["families"]}
+    check(families["all"]["runs"] > 10, f"held out: {families}")
+    told = "\n".join(alone["degradations"])
+    for what in ("no load cell and no torque", "frame is unknown", "at rest at each row", "no orientation"):
+        check(what in told, f"'{what}' is not in {told}")

@@ -34,10 +34,10 @@ void Run(CalibrateCommand options) {
   const gap::Calibration found = gap::Calibrate(set, options.calibrate);
   progress.Finish();
   fmt::print("{}", gap::CalibrationText(found));
+  if (!options.json.empty()) config::WriteWhole(options.json, gap::CalibrationJson(found));
   const robot_file::RobotPatch patch =
       robot_file::PatchNumbers(text, options.logs.robot, found.robot, gap::CalibrationHeading(found));
   config::WriteWhole(options.out, patch.text);
-  if (!options.json.empty()) config::WriteWhole(options.json, gap::CalibrationJson(found));
   fmt::print("\nWritten: {}\n", options.out);
 }
 

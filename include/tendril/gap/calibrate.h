@@ -20,11 +20,12 @@ struct CalibrateOptions {
   std::function<void(const std::string& stage, double fraction)> progress;
 };
 
-/// A number of the file, before and after the runs.
+/// A number of the file, before and after the runs; of a position-controlled robot also what no file holds,
+/// such as the zero of a tendon, 0 in the file.
 struct CalibratedNumber {
-  std::string key;     // "body.sections.youngs_modulus_Pa", "body.sections.tendons (tendon 2) angle_rad"
-  std::string unit;    // "Pa"; empty: none
-  bool angle = false;  // its deviations are in rad; otherwise shares of the value
+  std::string key;        // "body.sections.youngs_modulus_Pa", "body.sections.tendons (tendon 2) angle_rad"
+  std::string unit;       // "Pa"; empty: none
+  bool additive = false;  // its deviations are in its unit; otherwise shares of the value
   double in_file = 0, value = 0;
   double prior = 0, deviation = 0;  // one standard deviation, before and after
   double low = 0, high = 0;         // 95 % interval of the value
@@ -59,7 +60,9 @@ struct Calibration {
 
 /// Maximum of the posterior and its curvature there (Laplace), by Gauss-Newton steps; the model's discrepancy
 /// is estimated with the numbers, by channel, and counts once in a correlation time. The result depends only
-/// on set, options and seed. Throws std::runtime_error where nothing can be compared, or no number is free.
+/// on set, options and seed. Runs with motor positions and markers, and neither torques nor tensions, are
+/// compared state by state, as those of a position-controlled robot. Throws std::runtime_error where nothing
+/// can be compared, or no number is free.
 Calibration Calibrate(const DataSet& set, const CalibrateOptions& options);
 
 }  // namespace tendril::gap

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/LU>
 
 #include "tendril/model/body.h"
 
@@ -15,13 +16,13 @@ class HeldStatics {
   /// `stiffness_Npm` of each tendon, M entries, and `width_m` are above 0. The body is referred to.
   HeldStatics(const Body& body, ConstVectorRef stiffness_Npm, double width_m);
 
-  /// Newton with the exact tangent and a line search from q, dof entries, to the equilibrium at a pull of M
-  /// entries; false where it does not arrive, with q as far as it came.
+  /// Newton with a line search from q, dof entries, to the equilibrium at a pull of M entries; false where it
+  /// does not arrive, with q as far as it came. Fast where it is called for states that resemble each other.
   bool Solve(ConstVectorRef pull_m, VectorRef q);
   /// What must be added to hold q [N·m]: 0 in equilibrium. dof entries.
   void Residual(ConstVectorRef pull_m, ConstVectorRef q, VectorRef force_Nm);
-  /// d residual / dq at the last state that Solve looked at, dof x dof [N·m/rad].
-  const Eigen::MatrixXd& tangent_Nm() const { return tangent_; }
+  /// d residual / dq at a state, dof x dof [N·m/rad], factored; valid until the next call.
+  const Eigen::PartialPivLU<Eigen::MatrixXd>& Tangent(ConstVectorRef pull_m, ConstVectorRef q);
   /// Of the last state looked at [N], M entries.
   const Eigen::VectorXd& tension_N() const { return tension_; }
 
@@ -31,8 +32,10 @@ class HeldStatics {
   const Body* body_;
   Eigen::VectorXd stiffness_;
   double width_;
-  Eigen::VectorXd shortening_, tension_, tendon_force_, force_, trial_force_, step_, trial_;
+  Eigen::VectorXd shortening_, tension_, tendon_force_, force_, trial_force_, step_, trial_, spring_;
   Eigen::MatrixXd length_jacobian_, tangent_;
+  Eigen::PartialPivLU<Eigen::MatrixXd> factors_;
+  bool factored_ = false;  // they are worth a try
 };
 
 }  // namespace tendril::model

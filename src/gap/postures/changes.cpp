@@ -10,6 +10,7 @@
 
 #include "../judge.h"
 #include "../rotation.h"
+#include "tendril/model/body.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::gap {
@@ -114,7 +115,8 @@ class Searching {
   ChangeSearch Result() {
     const Eigen::VectorXd nothing;
     const Eigen::VectorXd& x = learned_.x;
-    const Point at = PointAt(nullptr, x, nothing);
+    begin_ = PointAt(nullptr, x, nothing);
+    const Point& at = begin_;
     out_.before_m = measured_ - at.predicted.disks_m;
     out_.as_filed_m = measured_ - At(nullptr, Eigen::VectorXd::Zero(x.size()), nothing, 0).disks_m;
     const Normal numbers = NormalAt(at, x, nothing);
@@ -227,31 +229,24 @@ class Searching {
     const Eigen::LDLT<Eigen::MatrixXd> solved(numbers.A);
     const Eigen::VectorXd x_step = solved.solve(numbers.b);
     const double squares0 = at.residual.squaredNorm() - numbers.b.dot(x_step);
-    const auto count = static_cast<double>(out_.changes.size());
     std::vector<Eigen::VectorXd> effects;  // what each changes, of those with one parameter
-    for (std::size_t c = 0; c < out_.changes.size(); ++c) {
-      if (options_.progress) options_.progress(0.3 * static_cast<double>(c) / count);
+    for (const auto& [c, Jz] : SlopesOfChanges()) {
       const PostureChange& change = out_.changes[c];
-      try {
-        const Eigen::MatrixXd Jz = SlopesOf(change);
-        if (Jz.cwiseAbs().maxCoeff() == 0) continue;  // these states do not show it
-        if (change.number && IsOneOf(effects, Jz.col(0))) continue;
-        if (change.effect && Jz.cols() == 1) effects.push_back(Jz.col(0));
-        Eigen::MatrixXd A = Jz.transpose() * Jz;
-        A.diagonal().array() += 1;
-        const Eigen::MatrixXd mixed = at.J.transpose() * Jz;
-        A -= mixed.transpose() * solved.solve(mixed);
-        const Eigen::VectorXd b = Jz.transpose() * at.residual - mixed.transpose() * x_step;
-        ChangeFit fit;
-        fit.change = static_cast<int>(c);
-        fit.z = change.Possible(A.ldlt().solve(b));
-        fit.covariance = A.inverse();
-        const double squares = squares0 - 2 * b.dot(fit.z) + fit.z.dot(A * fit.z);
-        fit.log_evidence = LogEvidence(squares, LogOccam(A) + change.LogOneSided());
-        if (std::isfinite(fit.log_evidence)) out_.fits.push_back(std::move(fit));
-      } catch (const std::exception&) {
-        // no robot: it explains nothing
-      }
+      if (Jz.cwiseAbs().maxCoeff() == 0) continue;  // these states do not show it
+      if (change.number && IsOneOf(effects, Jz.col(0))) continue;
+      if (change.effect && Jz.cols() == 1) effects.push_back(Jz.col(0));
+      Eigen::MatrixXd A = Jz.transpose() * Jz;
+      A.diagonal().array() += 1;
+      const Eigen::MatrixXd mixed = at.J.transpose() * Jz;
+      A -= mixed.transpose() * solved.solve(mixed);
+      const Eigen::VectorXd b = Jz.transpose() * at.residual - mixed.transpose() * x_step;
+      ChangeFit fit;
+      fit.change = static_cast<int>(c);
+      fit.z = change.Possible(A.ldlt().solve(b));
+      fit.covariance = A.inverse();
+      const double squares = squares0 - 2 * b.dot(fit.z) + fit.z.dot(A * fit.z);
+      fit.log_evidence = LogEvidence(squares, LogOccam(A) + change.LogOneSided());
+      if (std::isfinite(fit.log_evidence)) out_.fits.push_back(std::move(fit));
     }
   }
 
@@ -263,24 +258,65 @@ class Searching {
     });
   }
 
-  Eigen::MatrixXd SlopesOf(const PostureChange& change) const {
-    const Eigen::VectorXd none = Eigen::VectorXd::Zero(change.size());
+  /// Whitened, a column each parameter, of every change that a robot can have; all about the same equilibria.
+  std::vector<std::pair<std::size_t, Eigen::MatrixXd>> SlopesOfChanges() const {
+    std::vector<std::pair<std::size_t, int>> parameters;  // change, and index of one of its parameters
+    for (std::size_t c = 0; c < out_.changes.size(); ++c) {
+      if (!IsPossible(out_.changes[c])) continue;
+      for (int k = 0; k < out_.changes[c].size(); ++k) parameters.emplace_back(c, k);
+    }
     const auto robot = [&](const Eigen::VectorXd& z) {
       PostureRobot its = learned_.RobotAt(learned_.x);
-      change.apply(its, z);
+      for (std::size_t p = 0; p < parameters.size(); ++p) {
+        const double value = z[static_cast<Eigen::Index>(p)];
+        if (value != 0) Apply(out_.changes[parameters[p].first], parameters[p].second, value, its);
+      }
       return its;
     };
-    return learned_.discrepancy.Whitened(
-        Predict(robot, none, change.size(), after_, options_.threads).slopes);
+    const auto count = static_cast<int>(parameters.size());
+    const Predicted at = Predict(robot, Eigen::VectorXd::Zero(count), count, after_, options_.threads);
+    std::vector<std::pair<std::size_t, Eigen::MatrixXd>> slopes;
+    for (std::size_t p = 0; p < parameters.size();) {
+      const std::size_t c = parameters[p].first;
+      std::vector<Eigen::MatrixXd> its;
+      for (int k = 0; k < out_.changes[c].size(); ++k) its.push_back(at.slopes[p++]);
+      slopes.emplace_back(c, learned_.discrepancy.Whitened(its));
+    }
+    return slopes;
   }
 
-  /// Numbers and parameters at their joint maximum. The numbers' slopes hold for a few steps: most of the
-  /// time goes into them.
+  static void Apply(const PostureChange& change, int parameter, double z, PostureRobot& robot) {
+    Eigen::VectorXd of = Eigen::VectorXd::Zero(change.size());
+    of[parameter] = z;
+    change.apply(robot, of);
+  }
+
+  /// There are robots with a little of it, with the same strains.
+  bool IsPossible(const PostureChange& change) const {
+    constexpr double kLittle = 1e-3;
+    const PostureRobot before = learned_.RobotAt(learned_.x);
+    const int strains = model::Body(before.robot.body).dof();
+    try {
+      for (int k = 0; k < change.size(); ++k) {
+        PostureRobot its = before;
+        Apply(change, k, kLittle, its);
+        if (model::Body(its.robot.body).dof() != strains) return false;
+      }
+    } catch (const std::exception&) {
+      return false;
+    }
+    return true;
+  }
+
+  /// Numbers and parameters at their joint maximum. The numbers' slopes hold for a few steps, at first those
+  /// of the robot from before: most of the time goes into them.
   ChangeFit Refined(const PostureChange* change, Eigen::VectorXd x, Eigen::VectorXd z) const {
     constexpr int kRounds = 6, kSteps = 5;
     constexpr double kNearly = 0.02;
     z *= 0.5;  // the step from no change often goes too far
-    Point at = PointAt(change, x, z);
+    Point at = begin_;
+    at.J.conservativeResize(Eigen::NoChange, x.size() + z.size());
+    UpdateParameters(change, x, z, at);
     double squares = Squares(at.residual, x, z);
     for (int round = 0; round < kRounds; ++round) {
       const double before = squares;
@@ -289,8 +325,9 @@ class Searching {
         if (gained < kNearly) break;
         UpdateParameters(change, x, z, at);
       }
+      if (round > 0 && squares == before) break;
       at = PointAt(change, x, z);
-      if (before - squares < kNearly) break;
+      if (round > 0 && before - squares < kNearly) break;
     }
     return Summarised(change, at, x, z, squares);
   }
@@ -443,6 +480,7 @@ class Searching {
   const ChangeOptions& options_;
   const Eigen::MatrixXd measured_;
   double states_ = 0;  // independent ones
+  Point begin_;        // the robot from before
   ChangeFit none_;     // nothing changed
   ChangeSearch out_;
 };

@@ -30,15 +30,6 @@ std::vector<const Run*> RunsOf(const DataSet& set, bool before) {
   return runs;
 }
 
-bool Enough(const std::vector<const Run*>& runs, const RobotParameters& robot) {
-  if (runs.empty()) return false;
-  try {
-    return PosturesOf(runs, robot).states() >= kLeastPostures;
-  } catch (const std::runtime_error&) {
-    return false;  // no common markers, or nothing read together
-  }
-}
-
 class Diagnosing {
  public:
   Diagnosing(const DataSet& given, const DiagnoseOptions& options)
@@ -335,11 +326,11 @@ class Diagnosing {
 }  // namespace
 
 bool CanLearnPostures(const DataSet& set) {
-  return ShowsPostures(set) && Enough(RunsOf(set, true), set.robot);
+  return ShowsPostures(set) && EnoughPostures(RunsOf(set, true), set.robot);
 }
 
 bool CanDiagnosePostures(const DataSet& set) {
-  return CanLearnPostures(set) && Enough(RunsOf(set, false), set.robot);
+  return CanLearnPostures(set) && EnoughPostures(RunsOf(set, false), set.robot);
 }
 
 Diagnosis DiagnosePostures(const DataSet& set, const DiagnoseOptions& options) {

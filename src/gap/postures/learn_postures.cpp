@@ -15,9 +15,10 @@ constexpr double kBegin = 0.05;      // error that the file's model is taken to 
 constexpr double kFinest_m = 1e-4;   // no tracker of a whole robot is better
 constexpr int kBeforeFollowing = 4;  // steps before the discrepancy follows the fit
 constexpr int kMostSteps = 40;
-constexpr double kStill = 0.05;     // log posterior that a Newton step promises at a maximum
-constexpr double kUsualStates = 5;  // states per independent one until that is estimated
-constexpr double kUsualSteps = 60;  // of a whole fit, for the progress
+constexpr int kHeldOutSteps = 8;     // without a quarter, from where all are
+constexpr double kStill = 0.05;      // log posterior that a Newton step promises at a maximum
+constexpr double kUsualStates = 5;   // states per independent one until that is estimated
+constexpr double kUsualSteps = 120;  // of a whole fit, for the progress
 
 /// From how the means of blocks scatter, compared with those of independent states.
 double StatesPerIndependent(const Eigen::MatrixXd& whitened) {
@@ -60,12 +61,16 @@ class Learning {
     now_ = At(out_.x);
     out_.as_filed_m = measured_ - now_.disks_m;
     Settle(kMostSteps, true);
-    HoldOut();
-    TakeDisagreement();
-    noise_ = out_.discrepancy;
-    out_.converged = Settle(kMostSteps, false);
+    // What numbers learned under the discrepancy miss is not what those of the first weighting do.
+    for (int round = 0; round < 2; ++round) {
+      HoldOut();
+      TakeDisagreement();
+      noise_ = out_.discrepancy;
+      out_.converged = Settle(kMostSteps, false);
+    }
     out_.precision = NormalAt(now_, out_.x).A;
     out_.unsolved = now_.unsolved;
+    out_.steps = steps_;
     return std::move(out_);
   }
 
@@ -121,20 +126,25 @@ class Learning {
     noise_.covariance = variance.cwiseMax(kFinest_m * kFinest_m).asDiagonal();
   }
 
-  /// Moves to the first shorter and shorter step that is better; false where none is.
+  /// Moves to the first shorter and shorter step that is better; false where none is. The next one is as long
+  /// as this one kept its promise.
   bool StepFrom(const Normal& normal, double& damping) {
-    constexpr int kAttempts = 7;
+    constexpr int kAttempts = 10;
     constexpr double kLess = 4, kMore = 6, kLeast = 1e-7;  // damping after a good step and a bad one
+    constexpr double kKept = 0.75, kBroken = 0.25;
     const double cost = Cost(now_.disks_m, out_.x);
-    for (int attempt = 0; attempt < kAttempts; ++attempt, damping *= kMore) {
+    for (int attempt = 0; attempt < kAttempts; ++attempt, damping = std::max(kLeast, damping) * kMore) {
       Eigen::MatrixXd damped = normal.A;
       damped.diagonal() *= 1 + damping;
-      const Eigen::VectorXd x = out_.x + damped.ldlt().solve(normal.b);
+      const Eigen::VectorXd way = damped.ldlt().solve(normal.b), x = out_.x + way;
+      const double promised = way.dot(normal.b) - 0.5 * way.dot(normal.A * way);
       try {
-        if (!(Cost(At(x, false).disks_m, x) < cost)) continue;
+        const double gained = cost - Cost(At(x, false).disks_m, x);
+        if (!(gained > 0)) continue;
         now_ = At(x);
         out_.x = x;
-        damping = std::max(kLeast, damping / kLess);
+        if (gained > kKept * promised) damping = std::max(kLeast, damping / kLess);
+        if (gained < kBroken * promised) damping = std::max(kLeast, damping) * kMore;
         return true;
       } catch (const std::invalid_argument&) {
         // no such robot: the step is too long
@@ -146,10 +156,11 @@ class Learning {
   void HoldOut() {
     const Eigen::VectorXd x = out_.x;
     const Predicted at_all = now_;
-    out_.held_out_m = measured_ - now_.disks_m;
+    fitted_m_ = measured_ - now_.disks_m;
+    out_.held_out_m = fitted_m_;
     for (int quarter = 0; quarter < kQuarters; ++quarter) {
       without_ = QuarterOf(quarter, measured_.rows());
-      Settle(kBeforeFollowing, false);
+      Settle(kHeldOutSteps, false);
       out_.held_out_m.middleRows(without_.first, without_.count) =
           (measured_ - now_.disks_m).middleRows(without_.first, without_.count);
       without_ = {};
@@ -157,12 +168,26 @@ class Learning {
       now_ = at_all;
     }
     Discrepancy& d = out_.discrepancy;
-    d.covariance =
-        out_.held_out_m.transpose() * out_.held_out_m / static_cast<double>(out_.held_out_m.rows());
-    d.covariance.diagonal().array() += kFinest_m * kFinest_m;
+    d.covariance = ErrorCovariance();
     const Eigen::VectorXd whitened = d.Whitened(out_.held_out_m);
     d.states_per_independent =
         StatesPerIndependent(whitened.reshaped(measured_.cols(), measured_.rows()).transpose());
+  }
+
+  /// Held out, residuals have the error of the numbers added; fitted, they have lost as much of their own:
+  /// e_out = (I - H)^-1 e_in with H of the quarter, so that the geometric mean of the two is the error
+  /// itself.
+  Eigen::MatrixXd ErrorCovariance() const {
+    const auto covariance = [](const Eigen::MatrixXd& of) {
+      Eigen::MatrixXd its = of.transpose() * of / static_cast<double>(of.rows());
+      its.diagonal().array() += kFinest_m * kFinest_m;
+      return its;
+    };
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> fitted(covariance(fitted_m_));
+    const Eigen::MatrixXd root = fitted.operatorSqrt(), inverse = fitted.operatorInverseSqrt();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> ratio(inverse * covariance(out_.held_out_m) *
+                                                               inverse);
+    return root * ratio.operatorSqrt() * root;
   }
 
   /// Where the quarters' scores disagree by more than independent errors would, the states say less than
@@ -170,7 +195,7 @@ class Learning {
   void TakeDisagreement() {
     Discrepancy& d = out_.discrepancy;
     const Eigen::MatrixXd J = d.Whitened(now_.slopes);
-    const Eigen::VectorXd left = d.Whitened(out_.held_out_m);
+    const Eigen::VectorXd fitted = d.Whitened(fitted_m_), held_out = d.Whitened(out_.held_out_m);
     const Eigen::MatrixXd information = J.transpose() * J;
     Eigen::MatrixXd precision = information;
     precision.diagonal() += prior_;
@@ -179,27 +204,35 @@ class Learning {
     for (int quarter = 0; quarter < kQuarters; ++quarter) {
       const auto [first, count] = QuarterOf(quarter, measured_.rows());
       const Eigen::Index channels = measured_.cols();
-      const Eigen::VectorXd score = J.middleRows(first * channels, count * channels).transpose() *
-                                    left.segment(first * channels, count * channels);
-      scores += score.dot(posterior.solve(score));
+      const auto its = J.middleRows(first * channels, count * channels).transpose();
+      const Eigen::VectorXd score = its * held_out.segment(first * channels, count * channels);
+      scores += score.dot(posterior.solve(its * fitted.segment(first * channels, count * channels)));
     }
-    // Held out, a quarter's residuals also have the error of the numbers that the others give.
-    constexpr double kHeldOut = kQuarters / (kQuarters - 1.0);
-    d.states_per_independent *= std::max(1.0, scores / (kHeldOut * posterior.solve(information).trace()));
+    d.states_per_independent *= std::max(1.0, scores / posterior.solve(information).trace());
   }
 
   const Postures& postures_;
   const LearnPosturesOptions& options_;
   const Eigen::MatrixXd measured_;
-  Eigen::VectorXd prior_;  // precision of each number
-  Discrepancy noise_;      // that the fit is weighted by
-  StateRange without_;     // states held out
+  Eigen::VectorXd prior_;     // precision of each number
+  Discrepancy noise_;         // that the fit is weighted by
+  StateRange without_;        // states held out
+  Eigen::MatrixXd fitted_m_;  // residuals of all states with the numbers that all give
   int steps_ = 0;
   Predicted now_;  // at out_.x
   LearnedPostures out_;
 };
 
 }  // namespace
+
+bool EnoughPostures(const std::vector<const Run*>& runs, const RobotParameters& robot) {
+  if (runs.empty()) return false;
+  try {
+    return PosturesOf(runs, robot).states() >= kLeastPostures;
+  } catch (const std::runtime_error&) {
+    return false;  // no common markers, or nothing read together
+  }
+}
 
 StateRange QuarterOf(int quarter, Eigen::Index states) {
   const Eigen::Index first = states * quarter / kQuarters;

@@ -12,6 +12,9 @@ namespace tendril::gap {
 
 inline constexpr int kLeastPostures = 40;  // states from which the numbers of a robot can be inferred
 
+/// These runs, which show postures, show that many.
+bool EnoughPostures(const std::vector<const Run*>& runs, const RobotParameters& robot);
+
 /// The states are held out in quarters: each is predicted from the other three.
 inline constexpr int kQuarters = 4;
 struct StateRange {
@@ -38,8 +41,9 @@ struct LearnedPostures {
   Eigen::MatrixXd precision;   // of the posterior there
   Eigen::MatrixXd held_out_m;  // measured less predicted, each quarter with the numbers that the others give
   Eigen::MatrixXd as_filed_m;  // the same with the numbers of the file
-  Discrepancy discrepancy;     // of held_out_m
-  int unsolved = 0;            // states without an equilibrium
+  Discrepancy discrepancy;
+  int unsolved = 0;  // states without an equilibrium
+  int steps = 0;     // of the fit
   bool converged = false;
 
   PostureRobot RobotAt(const Eigen::VectorXd& changes) const { return WithNumbers(file, numbers, changes); }

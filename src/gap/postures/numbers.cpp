@@ -8,6 +8,7 @@
 #include <initializer_list>
 
 #include "../free_numbers.h"
+#include "tendril/config/keys.h"
 
 namespace tendril::gap {
 namespace {
@@ -53,8 +54,11 @@ class Listing {
     const double in_file = place(copy);
     const auto deviation = DeviationOf(in_file, additive, known);
     if (!deviation || (in_file == 0 && !additive)) return;
+    const std::string unit = config::UnitOfKey(key.substr(key.find_last_of('.') + 1));
     all_.push_back({.key = std::move(key),
+                    .unit = unit,
                     .deviation = *deviation,
+                    .additive = additive,
                     .apply =
                         [place, additive](PostureRobot& robot, double change) {
                           double& number = place(robot.robot);
@@ -62,9 +66,15 @@ class Listing {
                         },
                     .value = [place](RobotParameters robot) { return place(robot); }});
   }
-  /// One that no file holds.
-  void Add(std::string key, double deviation, std::function<void(PostureRobot&, double)> apply) {
-    all_.push_back({std::move(key), deviation, std::move(apply), {}});
+  /// One that no file holds; a change of 1 is `per_change` of its unit.
+  void Add(std::string key, const char* unit, double per_change, double deviation,
+           std::function<void(PostureRobot&, double)> apply) {
+    all_.push_back({.key = std::move(key),
+                    .unit = unit,
+                    .deviation = deviation,
+                    .additive = true,
+                    .per_change = per_change,
+                    .apply = std::move(apply)});
   }
 
   void OfSection(std::size_t k) {
@@ -77,6 +87,14 @@ class Listing {
     add("unit_length_m", [](SectionParameters& s) -> double& { return s.unit_length_m; });
     add("youngs_modulus_Pa", [](SectionParameters& s) -> double& { return s.youngs_modulus_Pa; });
     add("unit_mass_kg", [](SectionParameters& s) -> double& { return s.unit_mass_kg; });
+    // A disk's inertia follows from its mass if the file gives its diameter.
+    if (!all_.empty() && all_.back().key.ends_with(".unit_mass_kg")) {
+      all_.back().apply = [k, mass = all_.back().apply](PostureRobot& robot, double change) {
+        mass(robot, change);
+        SectionParameters& its = robot.robot.body.sections[k];
+        for (double* x : {&its.disk_inertia_xx_kgm2, &its.disk_inertia_zz_kgm2}) *x *= std::exp(change);
+      };
+    }
     if (section.disk_mass_kg > 0)
       add("disk_mass_kg", [](SectionParameters& s) -> double& { return s.disk_mass_kg; });
     if (section.extension && section.axial_stiffness_N)
@@ -92,7 +110,7 @@ class Listing {
     const int units = section.units;
     for (double UnitDeviation::*bend : {&UnitDeviation::rest_u_rad, &UnitDeviation::rest_v_rad}) {
       Add(fmt::format("rest bend {} of section {}", bend == &UnitDeviation::rest_u_rad ? "u" : "v", k + 1),
-          kRestBend_rad, [first, units, bend](PostureRobot& robot, double change) {
+          "rad", 1, kRestBend_rad, [first, units, bend](PostureRobot& robot, double change) {
             for (int unit = first; unit < first + units; ++unit)
               robot.robot.body.DeviationOf(unit).*bend += change / units;
           });
@@ -118,14 +136,14 @@ class Listing {
     drive("tendon.stiffness_Npm", [](TendonDriveParameters& d) -> double& { return d.tendon.stiffness_Npm; });
     const auto row = static_cast<Eigen::Index>(tendon);
     const double lever_m = robot_.body.sections[k].tendons[j].radius_m;
-    Add(fmt::format("zero of tendon {}", tendon + 1), kZero,
+    Add(fmt::format("zero of tendon {}", tendon + 1), "m", lever_m, kZero,
         [row, lever_m](PostureRobot& robot, double change) { robot.zero_m[row] += lever_m * change; });
   }
 
   void OfMount() {
     // Where the tracker's frame is unknown, so is the mount of the base.
     for (int axis = 0; axis < 3; ++axis) {
-      Add(fmt::format("turn of gravity about {}", "xyz"[axis]), known_ ? kTilt_rad : kAnyWay_rad,
+      Add(fmt::format("turn of gravity about {}", "xyz"[axis]), "rad", 1, known_ ? kTilt_rad : kAnyWay_rad,
           [axis](PostureRobot& robot, double change) {
             Eigen::Vector3d& g = robot.robot.body.gravity_W_mps2;
             g = Eigen::AngleAxisd(change, Eigen::Vector3d::Unit(axis)) * g;
@@ -133,12 +151,14 @@ class Listing {
     }
     const double length_m = robot_.body.length_m();
     for (int axis = 0; axis < 3; ++axis) {
-      Add(fmt::format("turn of the tracker about {}", "xyz"[axis]), known_ ? kPlaced_rad : kGuessed_rad,
+      Add(fmt::format("turn of the tracker about {}", "xyz"[axis]), "rad", 1,
+          known_ ? kPlaced_rad : kGuessed_rad,
           [axis](PostureRobot& robot, double change) { robot.turn_rad[axis] += change; });
-      Add(fmt::format("shift of the tracker along {}", "xyz"[axis]), known_ ? kPlaced : kGuessed,
+      Add(fmt::format("shift of the tracker along {}", "xyz"[axis]), "m", length_m,
+          known_ ? kPlaced : kGuessed,
           [axis, length_m](PostureRobot& robot, double change) { robot.shift_m[axis] += length_m * change; });
     }
-    Add("lag behind the motors' readings", kLag_s,
+    Add("lag behind the motors' readings", "s", 1, kLag_s,
         [](PostureRobot& robot, double change) { robot.motor_lag_s += change; });
   }
 
@@ -148,6 +168,16 @@ class Listing {
 };
 
 }  // namespace
+
+double PostureNumber::ValueAt(const RobotParameters& file, double change) const {
+  const double in_file = value ? value(file) : 0;
+  return additive ? in_file + per_change * change : in_file * std::exp(change);
+}
+
+double PostureNumber::ChangeTo(const RobotParameters& file, double its) const {
+  const double in_file = value ? value(file) : 0;
+  return additive ? (its - in_file) / per_change : std::log(its / in_file);
+}
 
 std::vector<PostureNumber> PostureNumbers(const RobotParameters& robot, bool frame_is_known) {
   return Listing(robot, frame_is_known).All();

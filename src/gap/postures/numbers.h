@@ -11,12 +11,18 @@
 namespace tendril::gap {
 
 struct PostureNumber {
-  std::string key;  // "body.sections[1].youngs_modulus_Pa"; in plain words where the file does not hold it
+  std::string key;   // "body.sections[1].youngs_modulus_Pa"; in plain words where the file does not hold it
+  std::string unit;  // "Pa"
   double deviation = 0;  // prior standard deviation of the change
-  /// By a factor exp(change), or by addition.
+  /// Changed by addition of change times `per_change` [unit]; otherwise by a factor exp(change).
+  bool additive = false;
+  double per_change = 1;
   std::function<void(PostureRobot&, double change)> apply{};
-  /// Its value in a robot of the file; empty for a number that the file does not hold.
+  /// Its value in a robot of the file; empty for a number that the file does not hold, which is 0 there.
   std::function<double(const RobotParameters&)> value{};
+
+  double ValueAt(const RobotParameters& file, double change) const;
+  double ChangeTo(const RobotParameters& file, double value) const;
 };
 
 /// Those that are not known exactly. `frame_is_known`: the tracker's readings are in the base frame but for

@@ -145,7 +145,7 @@ class Predicting {
       displaced[i] += kDisplaced;
       by_q.col(i) = (solver_.Disks(displaced, disks_, poses_) - at).transpose() / kDisplaced;
     }
-    const Eigen::PartialPivLU<Eigen::MatrixXd> tangent(statics_.tangent_Nm());
+    const auto& tangent = statics_.Tangent(pull, q_);
     for (std::size_t p = 0; p < moved_.size(); ++p) {
       moved_statics_[p].Residual(moved_[p]->Pull(run, state), q_, force_);
       const Eigen::VectorXd dq = -tangent.solve((force_ - here) / kStep);

@@ -75,11 +75,13 @@ class Averaging {
 
  private:
   void Add(Eigen::Index first, Eigen::Index count) {
-    const Eigen::RowVectorXd motor = MeanOf(run_.motor_position_rad, first, count);
-    const Eigen::RowVectorXd all = MeanOf(readings_, first, count);
-    Eigen::RowVectorXd seen(3 * static_cast<Eigen::Index>(disks_.size()));
-    for (std::size_t p = 0; p < disks_.size(); ++p)
-      seen.segment<3>(3 * static_cast<Eigen::Index>(p)) = all.segment<3>(3 * disks_[p]);
+    Eigen::MatrixXd motors = run_.motor_position_rad.middleRows(first, count);
+    Eigen::MatrixXd disks(count, 3 * static_cast<Eigen::Index>(disks_.size()));
+    for (std::size_t p = 0; p < disks_.size(); ++p) {
+      disks.middleCols(3 * static_cast<Eigen::Index>(p), 3) = readings_.block(first, 3 * disks_[p], count, 3);
+    }
+    KeepWholeRows(motors, disks);
+    const Eigen::RowVectorXd motor = MeanOf(motors, 0, motors.rows()), seen = MeanOf(disks, 0, disks.rows());
     if (!motor.allFinite() || !seen.allFinite()) {
       ++out_.lost;
       return;
@@ -88,6 +90,17 @@ class Averaging {
     motor_.push_back(motor);
     speed_.push_back(SpeedOf(run_, first, count));
     seen_.push_back(seen);
+  }
+
+  /// Rows in which everything was read, if there are any: means over other rows are those of another time.
+  static void KeepWholeRows(Eigen::MatrixXd& motors, Eigen::MatrixXd& disks) {
+    std::vector<Eigen::Index> whole;
+    for (Eigen::Index i = 0; i < motors.rows(); ++i) {
+      if (motors.row(i).allFinite() && disks.row(i).allFinite()) whole.push_back(i);
+    }
+    if (whole.empty()) return;
+    motors = motors(whole, Eigen::all).eval();
+    disks = disks(whole, Eigen::all).eval();
   }
 
   static Eigen::MatrixXd Stacked(const std::vector<Eigen::RowVectorXd>& rows) {
