@@ -16,6 +16,7 @@
 #include "learn.h"
 #include "measurement_check.h"
 #include "postures/calibrate_postures.h"
+#include "postures/learn_postures.h"
 #include "readable.h"
 #include "score.h"
 #include "tendril/config/keys.h"
@@ -168,7 +169,15 @@ Calibration Calibrate(const DataSet& set, const CalibrateOptions& options) {
   if (Compared(set))
     throw std::runtime_error(
         "runs from before a change: accepted: runs of the robot as it is, without --before");
-  return CanCalibratePostures(set) ? CalibratePostures(set, options) : Calibrating(set, options).Result();
+  if (CanCalibratePostures(set)) return CalibratePostures(set, options);
+  Calibration found = Calibrating(set, options).Result();
+  if (ShowsPostures(set)) {
+    found.notes.push_back(fmt::format(
+        "not calibrated state by state: fewer than {} states in which motors and the same markers "
+        "were read",
+        kLeastPostures));
+  }
+  return found;
 }
 
 }  // namespace tendril::gap

@@ -35,7 +35,7 @@ std::string Row(const CalibratedNumber& c) {
 std::string Contradictions(const Calibration& calibration) {
   std::string text;
   for (const CalibratedNumber& c : calibration.numbers) {
-    if (!(std::abs(c.Moved()) > kContradicts)) continue;
+    if (!c.of_file || !(std::abs(c.Moved()) > kContradicts)) continue;
     text += fmt::format(
         "  {}: {:.5g} fits the runs and the file has {:.5g}, {:.2g} times its uncertainty away: "
         "measure it on the robot\n",
@@ -100,11 +100,14 @@ std::string CalibrationText(const Calibration& calibration) {
 }
 
 std::vector<std::string> CalibrationHeading(const Calibration& calibration) {
-  int learned = 0;
-  for (const CalibratedNumber& c : calibration.numbers) learned += c.Learned() >= kLearned;
+  int learned = 0, of_file = 0;
+  for (const CalibratedNumber& c : calibration.numbers) {
+    of_file += c.of_file;
+    learned += c.of_file && c.Learned() >= kLearned;
+  }
   return {
       fmt::format("Calibrated by `tendril gap calibrate` ({}): {} of {} uncertain numbers learned from runs.",
-                  Version(), learned, calibration.numbers.size())};
+                  Version(), learned, of_file)};
 }
 
 std::string CalibrationJson(const Calibration& calibration) {

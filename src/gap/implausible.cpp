@@ -67,7 +67,6 @@ struct Finder {
                   Beyond& kind) {
     const char* unit = kind.unit;
     if (matrix.rows() != run.time_s.size() || !(most > 0)) return;
-    ++kind.columns;
     Eigen::Index there = 0, beyond = 0;
     double worst = 0;
     for (const double x : matrix.col(j)) {
@@ -76,6 +75,7 @@ struct Finder {
       ++beyond;
       worst = std::max(worst, std::abs(x));
     }
+    kind.columns += there > 0;
     if (beyond == 0) return;
     const bool rare = static_cast<double>(beyond) <= kRare * static_cast<double>(there);
     for (double& x : matrix.col(j)) {
@@ -353,7 +353,7 @@ Masked MaskImplausible(DataSet& set) {
   Masked masked;
   std::vector<std::string>& said = masked.lines;
   const RobotParameters& robot = set.robot;
-  Beyond tensions{"N"}, torques{"N m"}, targets{"N m"}, tips{"m"};
+  Beyond tensions{"N"}, torques{"N m"}, targets{"N m"}, tips{"m"}, disks{"m"};
   for (Run& run : set.runs) {
     if (run.time_s.size() < 2) continue;
     Finder find{run, said, kSlack * robot.limits.min_tension_N};
@@ -375,7 +375,7 @@ Masked MaskImplausible(DataSet& set) {
                       tips);
     for (Eigen::Index c = 0; c < run.disks_m.cols() && !set.fit_frame; ++c) {
       find.OutOfRange(run.disks_m, c, fmt::format("disk {} {}", c / 3 + 1, "xyz"[c % 3]),
-                      kBeyond * robot.body.length_m(), tips);
+                      kBeyond * robot.body.length_m(), disks);
     }
     MaskMarkerErrors(run, robot.body.length_m(), said);
     if (run.motor_position_rad.rows() != run.time_s.size()) continue;
@@ -398,7 +398,8 @@ Masked MaskImplausible(DataSet& set) {
   }
   TakeOutTorquesCutOff(set, said);
   for (const auto& [name, kind] : {std::pair{"tension", tensions}, std::pair{"actual torque", torques},
-                                   std::pair{"target torque", targets}, std::pair{"tip position", tips}}) {
+                                   std::pair{"target torque", targets}, std::pair{"tip position", tips},
+                                   std::pair{"position of the disks", disks}}) {
     if (kind.left_out > 0 && 2 * kind.left_out >= kind.columns) {
       masked.contradictions.push_back(
           fmt::format("the {} reaches {:.4g} {}, and this robot {:.3g} {} at most", name, kind.worst,

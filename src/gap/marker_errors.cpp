@@ -17,9 +17,10 @@ namespace {
 // A frame is not where the marker is, or markers are not where they were, from this share of the length on:
 // far beyond a tracker's noise and the motion between frames, below the distance of two disks.
 constexpr double kElsewhere = 0.05;
-constexpr double kPlainly = 0.2;  // distance that the right names leave, of that with the wrong ones
-constexpr int kFrames = 5;        // on either side, that say where a marker is
-constexpr double kUsual = 10;     // times the usual distance from them
+constexpr double kPlainly = 0.5;  // distance that the right names leave, of that with the wrong ones
+// Frames on either side that say where a marker is, at most and at least.
+constexpr int kFrames = 5, kLeast = 2;
+constexpr double kUsual = 10;  // times the usual distance from them
 
 class Markers {
  public:
@@ -51,8 +52,7 @@ class Markers {
   /// Follows every marker, whatever its name in a frame; which is which at the start is taken from the names.
   void Exchanged() {
     std::vector<std::optional<Eigen::RowVector3d>> last(static_cast<std::size_t>(run_.disks_m.cols() / 3));
-    std::set<std::pair<Eigen::Index, Eigen::Index>> wrong;  // row and disk
-    std::set<Eigen::Index> rows;
+    std::vector<std::set<Eigen::Index>> wrong(seen_.size());  // rows
     for (Eigen::Index row = 0; row < run_.disks_m.rows(); ++row) {
       std::vector<Eigen::Index> name(seen_.begin(), seen_.end());  // under which each of seen_ is found
       for (std::size_t a = 0; a < seen_.size(); ++a) {
@@ -62,13 +62,26 @@ class Markers {
       }
       for (std::size_t k = 0; k < seen_.size(); ++k) {
         if (There(row, name[k])) last[static_cast<std::size_t>(seen_[k])] = At(row, name[k]);
-        if (name[k] == seen_[k]) continue;
-        wrong.emplace(row, seen_[k]);
+        if (name[k] != seen_[k]) wrong[k].insert(row);
+      }
+    }
+    std::set<Eigen::Index> rows;
+    for (std::size_t k = 0; k < seen_.size(); ++k) {
+      for (const Eigen::Index row : TheFewer(wrong[k], seen_[k])) {
+        Drop(row, seen_[k]);
         rows.insert(row);
       }
     }
-    for (const auto& [row, disk] : wrong) Drop(row, disk);
     if (!rows.empty()) Say("markers have each other's names", *rows.begin(), rows.size());
+  }
+
+  /// These rows, or where they are most the others: then the names were exchanged at the start.
+  std::set<Eigen::Index> TheFewer(const std::set<Eigen::Index>& rows, Eigen::Index disk) const {
+    std::set<Eigen::Index> others;
+    for (Eigen::Index row = 0; row < run_.disks_m.rows(); ++row) {
+      if (There(row, disk) && !rows.contains(row)) others.insert(row);
+    }
+    return others.size() < rows.size() ? others : rows;
   }
 
   bool AreExchanged(Eigen::Index row, Eigen::Index a, Eigen::Index b,
@@ -86,18 +99,24 @@ class Markers {
     return named > far_m_ && exchanged < kPlainly * named;
   }
 
-  /// From the median of the frames around; none at the ends of the run or beside longer gaps.
+  /// From the median of the frames around; none where they are too few, as at the ends of the run.
   std::optional<double> OffNeighbours(Eigen::Index row, Eigen::Index disk) const {
+    constexpr double kRounding_s = 1e-6;
+    std::vector<Eigen::Index> around;
+    int before = 0, after = 0;
+    for (Eigen::Index i = std::max<Eigen::Index>(0, row - kFrames);
+         i <= std::min(row + kFrames, run_.disks_m.rows() - 1); ++i) {
+      if (std::abs(run_.time_s[i] - run_.time_s[row]) > kQuasiStatic_s + kRounding_s || !There(i, disk))
+        continue;
+      around.push_back(i);
+      before += i < row;
+      after += i > row;
+    }
+    if (before < kLeast || after < kLeast) return {};
     double square = 0;
     for (Eigen::Index axis = 0; axis < 3; ++axis) {
-      std::vector<double> around;
-      for (Eigen::Index i = row - kFrames; i <= row + kFrames; ++i) {
-        if (i < 0 || i >= run_.disks_m.rows()) continue;
-        if (std::abs(run_.time_s[i] - run_.time_s[row]) > kQuasiStatic_s) continue;
-        if (There(i, disk)) around.push_back(run_.disks_m(i, 3 * disk + axis));
-      }
-      if (around.size() < kFrames) return {};
-      square += std::pow(run_.disks_m(row, 3 * disk + axis) - Median(std::move(around)), 2);
+      const Eigen::VectorXd its = run_.disks_m.col(3 * disk + axis)(around);
+      square += std::pow(run_.disks_m(row, 3 * disk + axis) - Median({its.begin(), its.end()}), 2);
     }
     return std::sqrt(square);
   }

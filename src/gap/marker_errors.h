@@ -9,10 +9,10 @@
 
 namespace tendril::gap {
 
-/// Turns into missing values: markers whose names were exchanged, for as long as they are, and single frames
-/// that show a marker far from where it is before and after. `said` gains one line for each kind and run.
-/// Frames more than kQuasiStatic_s apart are left as they are. A leap is a twentieth of `length_m` at least
-/// and ten times the usual distance from the neighbours' median: noise of a tracker never is.
+/// Turns into missing values: markers whose names are exchanged, as long as they are, and frames that show a
+/// marker far from where it is before and after: by a twentieth of `length_m` and ten times the usual
+/// distance from its neighbours' median. `said` gains one line for each kind. Leaps are found in 10 frames a
+/// second and more; a run with frames more than kQuasiStatic_s apart is left as it is.
 void MaskMarkerErrors(Run& run, double length_m, std::vector<std::string>& said);
 
 }  // namespace tendril::gap

@@ -80,7 +80,7 @@ with tempfile.TemporaryDirectory() as out:
     # before of v6 predict each other to no better than its floor, so nothing closer can be asked of its validation.
     for name, most in (("opencr_v4", 7.5), ("opencr_v6", sets["opencr_v6"]["floor_mm_by_disk"][-1])):
         errors = sets[name]["held_out_rms_mm"]
-        check(errors["calibrated"] < most < errors["nominal"], f"{name}: {errors}")
+        check(errors["calibrated"] < most < min(errors["nominal"], 20), f"{name}: {errors}, {most}")
         named = [c for c in sets[name]["causes"] if c["effect"] not in ("no_gap", "unknown") and c["p"] > 0.5]
         check(not named, f"{name}: {named}")
 

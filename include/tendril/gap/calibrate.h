@@ -26,6 +26,7 @@ struct CalibratedNumber {
   std::string key;        // "body.sections.youngs_modulus_Pa", "body.sections.tendons (tendon 2) angle_rad"
   std::string unit;       // "Pa"; empty: none
   bool additive = false;  // its deviations are in its unit; otherwise shares of the value
+  bool of_file = true;    // the file says something of it
   double in_file = 0, value = 0;
   double prior = 0, deviation = 0;  // one standard deviation, before and after
   double low = 0, high = 0;         // 95 % interval of the value

@@ -66,6 +66,7 @@ class Calibrating {
       c.key = number.key;
       c.unit = number.unit;
       c.additive = number.additive;
+      c.of_file = static_cast<bool>(number.value);
       c.in_file = number.ValueAt(file_, 0);
       c.value = number.ValueAt(file_, x);
       c.prior = number.deviation * number.per_change;
@@ -96,6 +97,11 @@ class Calibrating {
     found_.notes.push_back(
         "neither torques nor tensions: weights and stiffnesses are known relative to each other, and numbers "
         "of drives, friction and damping stay as they are in the file");
+    for (const States& run : postures_.runs) {
+      if (run.lost == 0) continue;
+      found_.notes.push_back(fmt::format("run {}: {} of {} states without a reading of a motor or a disk",
+                                         run.run, run.lost, run.lost + run.time_s.size()));
+    }
     if (learned_.unsolved > 0)
       found_.notes.push_back(
           fmt::format("{} states without an equilibrium of the learned robot", learned_.unsolved));

@@ -186,14 +186,19 @@ class Diagnosing {
                      [](const Cause& a, const Cause& b) { return a.p > b.p; });
   }
 
-  /// Numbers that are no effect, where one of them is the likeliest change.
+  /// Numbers that are no effect, where one of them is the likeliest change and as well established as an
+  /// effect has to be.
   void ListNumbers() {
+    for (std::size_t k = 0; k < search_.fits.size(); ++k) {
+      if (ChangeOf(search_.fits[k]).number) of_numbers_ += posterior_.fits[k];
+    }
+    if (posterior_.none >= 0.5 || of_numbers_ < 0.5 * (1 - posterior_.none) || !posterior_.doubt.empty())
+      return;
+    if (!ChangeOf(search_.fits.front()).number) return;
     for (std::size_t k = 0; k < search_.fits.size(); ++k) {
       const ChangeFit& fit = search_.fits[k];
       const PostureChange& change = ChangeOf(fit);
-      if (!change.number) continue;
-      of_numbers_ += posterior_.fits[k];
-      if (posterior_.none >= 0.5 || !ChangeOf(search_.fits.front()).number || !posterior_.same[k]) continue;
+      if (!change.number || !posterior_.same[k]) continue;
       const double value = change.number->ValueAt(fit.z[0] * change.deviation[0]);
       d_.suspected.push_back({change.number->key, change.number->in_file, value, posterior_.closed});
     }

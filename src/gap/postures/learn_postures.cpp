@@ -108,7 +108,8 @@ class Learning {
   bool Settle(int most, bool follow) {
     double damping = follow ? 1e-2 : 1e-6;
     for (int step = 0; step < most; ++step) {
-      if (options_.progress) options_.progress(std::min(1.0, ++steps_ / kUsualSteps));
+      ++steps_;
+      if (options_.progress) options_.progress(std::min(1.0, steps_ / kUsualSteps));
       const bool following = follow && step >= kBeforeFollowing;
       if (following) FollowDiscrepancy();
       const Normal normal = NormalAt(now_, out_.x);
@@ -126,8 +127,8 @@ class Learning {
     noise_.covariance = variance.cwiseMax(kFinest_m * kFinest_m).asDiagonal();
   }
 
-  /// Moves to the first shorter and shorter step that is better; false where none is. The next one is as long
-  /// as this one kept its promise.
+  /// Moves to the first shorter and shorter step that is better; false where none is. The damping falls where
+  /// a step gained what it promised, and rises where it gained little of it.
   bool StepFrom(const Normal& normal, double& damping) {
     constexpr int kAttempts = 10;
     constexpr double kLess = 4, kMore = 6, kLeast = 1e-7;  // damping after a good step and a bad one
@@ -175,8 +176,8 @@ class Learning {
   }
 
   /// Held out, residuals have the error of the numbers added; fitted, they have lost as much of their own:
-  /// e_out = (I - H)^-1 e_in with H of the quarter, so that the geometric mean of the two is the error
-  /// itself.
+  /// e_out = (I - H)^-1 e_in with H of the quarter, so that the geometric mean of the two is about that
+  /// of the error.
   Eigen::MatrixXd ErrorCovariance() const {
     const auto covariance = [](const Eigen::MatrixXd& of) {
       Eigen::MatrixXd its = of.transpose() * of / static_cast<double>(of.rows());

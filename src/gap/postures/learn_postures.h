@@ -43,7 +43,7 @@ struct LearnedPostures {
   Eigen::MatrixXd as_filed_m;  // the same with the numbers of the file
   Discrepancy discrepancy;
   int unsolved = 0;  // states without an equilibrium
-  int steps = 0;     // of the fit
+  int steps = 0;     // of all fits, those without a quarter included
   bool converged = false;
 
   PostureRobot RobotAt(const Eigen::VectorXd& changes) const { return WithNumbers(file, numbers, changes); }

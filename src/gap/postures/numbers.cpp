@@ -13,7 +13,7 @@
 namespace tendril::gap {
 namespace {
 
-// Priors of what no file holds.
+// Priors of what no file says.
 constexpr double kZero = 0.25;          // of a tendon's zero, over its distance from the backbone: a bend
 constexpr double kRestBend_rad = 0.15;  // of a section without load
 constexpr double kTilt_rad = 0.05;      // of the base
@@ -87,16 +87,17 @@ class Listing {
     add("unit_length_m", [](SectionParameters& s) -> double& { return s.unit_length_m; });
     add("youngs_modulus_Pa", [](SectionParameters& s) -> double& { return s.youngs_modulus_Pa; });
     add("unit_mass_kg", [](SectionParameters& s) -> double& { return s.unit_mass_kg; });
-    // A disk's inertia follows from its mass if the file gives its diameter.
-    if (!all_.empty() && all_.back().key.ends_with(".unit_mass_kg")) {
+    if (section.disk_mass_kg > 0)
+      add("disk_mass_kg", [](SectionParameters& s) -> double& { return s.disk_mass_kg; });
+    // A disk's inertia follows from its mass, or else the unit's, if the file gives its diameter.
+    const char* its_mass = section.disk_mass_kg > 0 ? ".disk_mass_kg" : ".unit_mass_kg";
+    if (!all_.empty() && all_.back().key.ends_with(its_mass)) {
       all_.back().apply = [k, mass = all_.back().apply](PostureRobot& robot, double change) {
         mass(robot, change);
         SectionParameters& its = robot.robot.body.sections[k];
         for (double* x : {&its.disk_inertia_xx_kgm2, &its.disk_inertia_zz_kgm2}) *x *= std::exp(change);
       };
     }
-    if (section.disk_mass_kg > 0)
-      add("disk_mass_kg", [](SectionParameters& s) -> double& { return s.disk_mass_kg; });
     if (section.extension && section.axial_stiffness_N)
       add("axial_stiffness_N", [](SectionParameters& s) -> double& { return *s.axial_stiffness_N; });
     if (section.torsion && section.torsional_stiffness_Nm2) {
@@ -114,6 +115,11 @@ class Listing {
             for (int unit = first; unit < first + units; ++unit)
               robot.robot.body.DeviationOf(unit).*bend += change / units;
           });
+      all_.back().value = [first, units, bend](RobotParameters robot) {
+        double sum = 0;
+        for (int unit = first; unit < first + units; ++unit) sum += robot.body.DeviationOf(unit).*bend;
+        return sum;
+      };
     }
   }
 
