@@ -99,37 +99,40 @@ class Markers {
     return named > far_m_ && exchanged < kPlainly * named;
   }
 
-  /// From the median of the frames around; none where they are too few, as at the ends of the run.
-  std::optional<double> OffNeighbours(Eigen::Index row, Eigen::Index disk) const {
+  /// Of the k-th of the rows with a reading, from the median of those around; none where they are too few, as
+  /// at the ends of the run.
+  std::optional<double> OffNeighbours(const std::vector<Eigen::Index>& rows, int k, Eigen::Index disk) const {
     constexpr double kRounding_s = 1e-6;
+    const auto row = [&](int i) { return rows[static_cast<std::size_t>(i)]; };
     std::vector<Eigen::Index> around;
     int before = 0, after = 0;
-    for (Eigen::Index i = std::max<Eigen::Index>(0, row - kFrames);
-         i <= std::min(row + kFrames, run_.disks_m.rows() - 1); ++i) {
-      if (std::abs(run_.time_s[i] - run_.time_s[row]) > kQuasiStatic_s + kRounding_s || !There(i, disk))
-        continue;
-      around.push_back(i);
-      before += i < row;
-      after += i > row;
+    for (int i = std::max(0, k - kFrames); i <= std::min(k + kFrames, static_cast<int>(rows.size()) - 1);
+         ++i) {
+      if (std::abs(run_.time_s[row(i)] - run_.time_s[row(k)]) > kQuasiStatic_s + kRounding_s) continue;
+      around.push_back(row(i));
+      before += i < k;
+      after += i > k;
     }
     if (before < kLeast || after < kLeast) return {};
     double square = 0;
     for (Eigen::Index axis = 0; axis < 3; ++axis) {
       const Eigen::VectorXd its = run_.disks_m.col(3 * disk + axis)(around);
-      square += std::pow(run_.disks_m(row, 3 * disk + axis) - Median({its.begin(), its.end()}), 2);
+      square += std::pow(run_.disks_m(row(k), 3 * disk + axis) - Median({its.begin(), its.end()}), 2);
     }
     return std::sqrt(square);
   }
 
   void Leaps(Eigen::Index disk) {
-    std::vector<double> off;
-    std::vector<Eigen::Index> rows;
+    std::vector<Eigen::Index> read, rows;
     for (Eigen::Index row = 0; row < run_.disks_m.rows(); ++row) {
-      if (!There(row, disk)) continue;
-      const auto its = OffNeighbours(row, disk);
+      if (There(row, disk)) read.push_back(row);
+    }
+    std::vector<double> off;
+    for (int k = 0; k < static_cast<int>(read.size()); ++k) {
+      const auto its = OffNeighbours(read, k, disk);
       if (!its) continue;
       off.push_back(*its);
-      rows.push_back(row);
+      rows.push_back(read[static_cast<std::size_t>(k)]);
     }
     const double most = std::max(kUsual * Median(off), far_m_);
     std::vector<Eigen::Index> leaps;

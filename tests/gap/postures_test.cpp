@@ -7,6 +7,7 @@
 #include <numbers>
 #include <random>
 
+#include "gap/implausible.h"
 #include "gap/postures/diagnose_postures.h"
 #include "gap/postures/learn_postures.h"
 #include "gap/postures/posterior.h"
@@ -342,6 +343,26 @@ TEST(Postures, ReadingsThatCannotBeAreLeftOut) {
   for (std::size_t k = 0; k < found.channels.size(); ++k)
     EXPECT_LT(found.channels[k].held_out, 1.15 * clean.channels[k].held_out) << found.channels[k].name;
   EXPECT_EQ(clean.notes.size(), 1u);
+}
+
+TEST(Postures, LeapsOfATrackerSlowerThanItsLogAreFound) {
+  DataSet set{"set", Hose(), false, {Moved(Hose(), "run", 1, 30)}, {}};
+  gap::Run& run = set.runs.front();
+  run.time_s *= 0.2;  // 100 Hz, of which the tracker shows every fifth row
+  for (Eigen::Index row = 0; row < run.disks_m.rows(); ++row) {
+    if (row % 5 != 0) run.disks_m.row(row).setConstant(kNoReading);
+  }
+  const Eigen::MatrixXd before = run.disks_m;
+  MaskImplausible(set);
+  EXPECT_TRUE((run.disks_m.array() == before.array() || before.array().isNaN()).all());
+  run.disks_m(205, 9) += 0.06;
+  const Masked masked = MaskImplausible(set);
+  ASSERT_EQ(masked.lines.size(), 1u);
+  EXPECT_NE(masked.lines.front().find("disk 4 leaps away and back in 1 frame, first at 2.05 s"),
+            std::string::npos)
+      << masked.lines.front();
+  EXPECT_TRUE(std::isnan(run.disks_m(205, 9)));
+  EXPECT_FALSE(std::isnan(run.disks_m(205, 3)));
 }
 
 TEST(Postures, AreOfRunsWithoutTorqueAndTension) {
