@@ -26,6 +26,8 @@ class CalibratedNumber:
     unit: str
     deviations_are: str
     """'share' of the value, or the number's unit."""
+    of_file: bool
+    """False for what no file holds."""
     in_file: float
     value: float
     low: float

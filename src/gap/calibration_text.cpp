@@ -122,6 +122,7 @@ std::string CalibrationJson(const Calibration& calibration) {
     json["numbers"].push_back({{"key", c.key},
                                {"unit", c.unit},
                                {"deviations_are", c.additive ? c.unit : "share"},
+                               {"of_file", c.of_file},
                                {"in_file", c.in_file},
                                {"value", c.value},
                                {"low", c.low},

@@ -107,10 +107,10 @@ void RemoveGone(Editor& editor, const Leaves& before, const Leaves& after) {
 void ReplaceSmallDisks(Editor& editor, const RobotParameters& after) {
   for (std::size_t k = 0; k < after.body.sections.size(); ++k) {
     const SectionParameters& section = after.body.sections[k];
-    const YAML::Node map = editor.At({"body", "sections", fmt::format("[{}]", k)});
-    if (!map.IsMap() || !map["disk_diameter_m"] || map.Style() == YAML::EmitterStyle::Flow) continue;
-    const YAML::Node given = map["disk_diameter_m"];
-    const double disk_m = (given.IsMap() ? given["value"] : given).as<double>();
+    const Path path{"body", "sections", fmt::format("[{}]", k)};
+    const YAML::Node map = editor.At(path), diameter = editor.NumberAt(Join(path, {"disk_diameter_m"}));
+    if (!diameter.IsDefined() || map.Style() == YAML::EmitterStyle::Flow) continue;
+    const auto disk_m = diameter.as<double>();
     double outer_m = 0;
     for (const TendonRoute& route : section.tendons)
       outer_m = std::max({outer_m, route.radius_m, route.end_radius_m.value_or(0)});
@@ -118,7 +118,7 @@ void ReplaceSmallDisks(Editor& editor, const RobotParameters& after) {
     editor.Remove(map, "disk_diameter_m");
     editor.Append(map,
                   {fmt::format("disk_inertia_xx_kgm2: {}   # for disk_diameter_m {}: no room for the holes",
-                               section.disk_inertia_xx_kgm2, disk_m),
+                               section.disk_inertia_xx_kgm2, diameter.Scalar()),
                    fmt::format("disk_inertia_zz_kgm2: {}", section.disk_inertia_zz_kgm2)});
   }
 }

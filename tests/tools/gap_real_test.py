@@ -76,11 +76,10 @@ with tempfile.TemporaryDirectory() as out:
     check(all(abs(x - y) < 1e-3 for x, y in zip(calibrated, floor)), f"held out: {calibrated}, {floor}")
     check(sets["trunk_null"]["verdict"] == "no_gap", sets["trunk_null"]["sentence"])
 
-    # Its authors' own validation runs: the robot learned from the others explains most of what the file leaves. The runs
-    # before of v6 predict each other to no better than its floor, so nothing closer can be asked of its validation.
-    for name, most in (("opencr_v4", 7.5), ("opencr_v6", sets["opencr_v6"]["floor_mm_by_disk"][-1])):
+    # Its authors' own validation runs: the robot learned from the others explains most of what the file leaves.
+    for name, most in (("opencr_v4", 7.5), ("opencr_v6", 14)):
         errors = sets[name]["held_out_rms_mm"]
-        check(errors["calibrated"] < most < min(errors["nominal"], 20), f"{name}: {errors}, {most}")
+        check(errors["calibrated"] < most < errors["nominal"], f"{name}: {errors}")
         named = [c for c in sets[name]["causes"] if c["effect"] not in ("no_gap", "unknown") and c["p"] > 0.5]
         check(not named, f"{name}: {named}")
 

@@ -81,14 +81,9 @@ class Calibrating {
   void ListChannels() {
     const double noise = file_.actuation->tracker ? file_.actuation->tracker->position_noise_m : 0;
     for (Eigen::Index c = 0; c < learned_.held_out_m.cols(); ++c) {
-      const auto rms = [c](const Eigen::MatrixXd& left) {
-        return std::sqrt(left.col(c).squaredNorm() / static_cast<double>(left.rows()));
-      };
-      const double held_out = rms(learned_.held_out_m);
-      found_.channels.push_back(
-          {fmt::format("disk {} {}", postures_.disks[static_cast<std::size_t>(c / 3)] + 1, "xyz"[c % 3]), "m",
-           rms(learned_.as_filed_m), held_out, noise,
-           std::sqrt(std::max(0.0, held_out * held_out - noise * noise))});
+      const double held_out = ChannelRms(learned_.held_out_m, c);
+      found_.channels.push_back({postures_.ChannelName(c), "m", ChannelRms(learned_.as_filed_m, c), held_out,
+                                 noise, std::sqrt(std::max(0.0, held_out * held_out - noise * noise))});
     }
   }
 
@@ -97,11 +92,7 @@ class Calibrating {
     found_.notes.push_back(
         "neither torques nor tensions: weights and stiffnesses are known relative to each other, and numbers "
         "of drives, friction and damping stay as they are in the file");
-    for (const States& run : postures_.runs) {
-      if (run.lost == 0) continue;
-      found_.notes.push_back(fmt::format("run {}: {} of {} states without a reading of a motor or a disk",
-                                         run.run, run.lost, run.lost + run.time_s.size()));
-    }
+    for (std::string& line : postures_.Lost()) found_.notes.push_back(std::move(line));
     if (learned_.unsolved > 0)
       found_.notes.push_back(
           fmt::format("{} states without an equilibrium of the learned robot", learned_.unsolved));

@@ -244,18 +244,14 @@ class Diagnosing {
     const Eigen::MatrixXd& after =
         d_.verdict == Verdict::kNoGap || best.size() == 0 ? search_.before_m : best;
     for (Eigen::Index c = 0; c < after.cols(); ++c) {
-      const auto rms = [&](const Eigen::MatrixXd& left) {
-        return std::sqrt(left.col(c).squaredNorm() / static_cast<double>(left.rows()));
-      };
-      const int disk = before_.disks[static_cast<std::size_t>(c / 3)];
-      d_.closures.push_back({.channel = fmt::format("disk {} {}", disk + 1, "xyz"[c % 3]),
+      d_.closures.push_back({.channel = before_.ChannelName(c),
                              .unit = "m",
                              .cut = sim::Cut::kShape,
-                             .before_rms = rms(search_.before_m),
-                             .after_rms = rms(after),
-                             .floor_rms = rms(learned_.held_out_m),
+                             .before_rms = ChannelRms(search_.before_m, c),
+                             .after_rms = ChannelRms(after, c),
+                             .floor_rms = ChannelRms(learned_.held_out_m, c),
                              .closed = std::nullopt,
-                             .as_filed_rms = rms(search_.as_filed_m)});
+                             .as_filed_rms = ChannelRms(search_.as_filed_m, c)});
     }
   }
 
@@ -271,8 +267,8 @@ class Diagnosing {
     }
     d_.degradations.push_back(
         "neither torques nor tensions: drives, drivetrains and tendons (C1 to C3) cannot be judged, mistakes "
-        "of "
-        "measurement were not searched for, and loads are relative to the robot's own weight and stiffness");
+        "of measurement were not searched for, and loads are relative to the robot's own weight and "
+        "stiffness");
     d_.degradations.push_back(
         fmt::format("the robot as learned from the runs before misses its disks by {} mm in states that it "
                     "was not fitted to: "
@@ -280,12 +276,7 @@ class Diagnosing {
                     FloorText()));
     d_.degradations.push_back("its numbers furthest from the file: " + NumbersMoved());
     for (const Postures* postures : {&before_, &after_}) {
-      for (const States& run : postures->runs) {
-        if (run.lost > 0)
-          d_.degradations.push_back(
-              fmt::format("run {}: {} of {} states without a reading of a motor or a disk", run.run, run.lost,
-                          run.lost + run.time_s.size()));
-      }
+      for (std::string& line : postures->Lost()) d_.degradations.push_back(std::move(line));
     }
     if (!learned_.converged)
       d_.degradations.push_back("the numbers of the robot had not settled after the allowed steps");

@@ -20,15 +20,20 @@ constexpr double kStill = 0.05;      // log posterior that a Newton step promise
 constexpr double kUsualStates = 5;   // states per independent one until that is estimated
 constexpr double kUsualSteps = 120;  // of a whole fit, for the progress
 
-/// From how the means of blocks scatter, compared with those of independent states.
-double StatesPerIndependent(const Eigen::MatrixXd& whitened) {
-  const double each = whitened.squaredNorm() / static_cast<double>(whitened.rows());
+/// From how the means of blocks scatter, compared with those of independent states; both by the product of
+/// held-out and fitted residuals, see ErrorCovariance. A row a state.
+double StatesPerIndependent(const Eigen::MatrixXd& held_out, const Eigen::MatrixXd& fitted) {
+  const double each = held_out.cwiseProduct(fitted).sum() / static_cast<double>(fitted.rows());
   double most = 1;
-  for (Eigen::Index length = 2; 6 * length <= whitened.rows(); length *= 2) {
+  for (Eigen::Index length = 2; 6 * length <= fitted.rows(); length *= 2) {
     double of_means = 0;
-    const Eigen::Index blocks = whitened.rows() / length;
-    for (Eigen::Index b = 0; b < blocks; ++b)
-      of_means += whitened.middleRows(b * length, length).colwise().mean().squaredNorm();
+    const Eigen::Index blocks = fitted.rows() / length;
+    for (Eigen::Index b = 0; b < blocks; ++b) {
+      const auto mean = [&](const Eigen::MatrixXd& of) {
+        return of.middleRows(b * length, length).colwise().mean().eval();
+      };
+      of_means += mean(held_out).dot(mean(fitted));
+    }
     most = std::max(most, static_cast<double>(length) * of_means / static_cast<double>(blocks) / each);
   }
   return most;
@@ -61,7 +66,7 @@ class Learning {
     now_ = At(out_.x);
     out_.as_filed_m = measured_ - now_.disks_m;
     Settle(kMostSteps, true);
-    // What numbers learned under the discrepancy miss is not what those of the first weighting do.
+    // The first discrepancy is that of numbers weighted channel by channel, the second of those reported.
     for (int round = 0; round < 2; ++round) {
       HoldOut();
       TakeDisagreement();
@@ -170,9 +175,10 @@ class Learning {
     }
     Discrepancy& d = out_.discrepancy;
     d.covariance = ErrorCovariance();
-    const Eigen::VectorXd whitened = d.Whitened(out_.held_out_m);
-    d.states_per_independent =
-        StatesPerIndependent(whitened.reshaped(measured_.cols(), measured_.rows()).transpose());
+    const auto by_state = [&](const Eigen::MatrixXd& residuals) {
+      return d.Whitened(residuals).reshaped(measured_.cols(), measured_.rows()).transpose().eval();
+    };
+    d.states_per_independent = StatesPerIndependent(by_state(out_.held_out_m), by_state(fitted_m_));
   }
 
   /// Held out, residuals have the error of the numbers added; fitted, they have lost as much of their own:
@@ -257,6 +263,10 @@ double LearnedPostures::Floor(int disk) const { return DiskRms(held_out_m, disk)
 double DiskRms(const Eigen::MatrixXd& residuals_m, int disk) {
   return std::sqrt(residuals_m.middleCols(3 * disk, 3).squaredNorm() /
                    static_cast<double>(residuals_m.rows()));
+}
+
+double ChannelRms(const Eigen::MatrixXd& residuals_m, Eigen::Index channel) {
+  return std::sqrt(residuals_m.col(channel).squaredNorm() / static_cast<double>(residuals_m.rows()));
 }
 
 LearnedPostures LearnPostures(const RobotParameters& file, const Postures& postures, bool frame_is_known,

@@ -53,6 +53,8 @@ struct LearnedPostures {
 
 /// Rms distance of a disk (from 0, of those seen) over the rows of S x 3P residuals [m].
 double DiskRms(const Eigen::MatrixXd& residuals_m, int disk);
+/// Of one channel, rms of the same.
+double ChannelRms(const Eigen::MatrixXd& residuals_m, Eigen::Index channel);
 
 struct LearnPosturesOptions {
   int threads = 1;

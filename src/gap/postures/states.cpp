@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <numeric>
 #include <stdexcept>
 
 namespace tendril::gap {
@@ -26,12 +28,12 @@ Eigen::MatrixXd DisksOf(const Run& run, int disks) {
 }
 
 /// Mean of each column's readings in some rows; NaN without any.
-Eigen::RowVectorXd MeanOf(const Eigen::MatrixXd& values, Eigen::Index first, Eigen::Index count) {
+Eigen::RowVectorXd MeanOf(const Eigen::MatrixXd& values, const std::vector<Eigen::Index>& rows) {
   Eigen::RowVectorXd mean(values.cols());
   for (Eigen::Index c = 0; c < values.cols(); ++c) {
     double sum = 0;
     int n = 0;
-    for (Eigen::Index i = first; i < first + count; ++i) {
+    for (const Eigen::Index i : rows) {
       if (std::isfinite(values(i, c))) sum += values(i, c), ++n;
     }
     mean[c] = n > 0 ? sum / n : kNoReading;
@@ -55,7 +57,11 @@ Eigen::RowVectorXd SpeedOf(const Run& run, Eigen::Index first, Eigen::Index coun
 class Averaging {
  public:
   Averaging(const Run& run, const std::vector<int>& disks, int all_disks)
-      : run_(run), disks_(disks), readings_(DisksOf(run, all_disks)) {}
+      : run_(run), readings_(run.time_s.size(), 3 * static_cast<Eigen::Index>(disks.size())) {
+    const Eigen::MatrixXd all = DisksOf(run, all_disks);
+    for (std::size_t p = 0; p < disks.size(); ++p)
+      readings_.middleCols(3 * static_cast<Eigen::Index>(p), 3) = all.middleCols(3 * disks[p], 3);
+  }
 
   States Result() {
     out_.run = run_.name;
@@ -75,32 +81,26 @@ class Averaging {
 
  private:
   void Add(Eigen::Index first, Eigen::Index count) {
-    Eigen::MatrixXd motors = run_.motor_position_rad.middleRows(first, count);
-    Eigen::MatrixXd disks(count, 3 * static_cast<Eigen::Index>(disks_.size()));
-    for (std::size_t p = 0; p < disks_.size(); ++p) {
-      disks.middleCols(3 * static_cast<Eigen::Index>(p), 3) = readings_.block(first, 3 * disks_[p], count, 3);
-    }
-    KeepWholeRows(motors, disks);
-    const Eigen::RowVectorXd motor = MeanOf(motors, 0, motors.rows()), seen = MeanOf(disks, 0, disks.rows());
+    const std::vector<Eigen::Index> rows = RowsToAverage(first, count);
+    const Eigen::RowVectorXd motor = MeanOf(run_.motor_position_rad, rows), seen = MeanOf(readings_, rows);
     if (!motor.allFinite() || !seen.allFinite()) {
       ++out_.lost;
       return;
     }
-    time_.push_back(MeanOf(run_.time_s, first, count)[0]);
+    time_.push_back(MeanOf(run_.time_s, rows)[0]);
     motor_.push_back(motor);
     speed_.push_back(SpeedOf(run_, first, count));
     seen_.push_back(seen);
   }
 
-  /// Rows in which everything was read, if there are any: means over other rows are those of another time.
-  static void KeepWholeRows(Eigen::MatrixXd& motors, Eigen::MatrixXd& disks) {
-    std::vector<Eigen::Index> whole;
-    for (Eigen::Index i = 0; i < motors.rows(); ++i) {
-      if (motors.row(i).allFinite() && disks.row(i).allFinite()) whole.push_back(i);
-    }
-    if (whole.empty()) return;
-    motors = motors(whole, Eigen::all).eval();
-    disks = disks(whole, Eigen::all).eval();
+  /// Those in which everything was read, if there are any: means over different rows are of different times.
+  std::vector<Eigen::Index> RowsToAverage(Eigen::Index first, Eigen::Index count) const {
+    std::vector<Eigen::Index> all(static_cast<std::size_t>(count)), whole;
+    std::iota(all.begin(), all.end(), first);
+    std::copy_if(all.begin(), all.end(), std::back_inserter(whole), [&](Eigen::Index row) {
+      return run_.motor_position_rad.row(row).allFinite() && readings_.row(row).allFinite();
+    });
+    return whole.empty() ? all : whole;
   }
 
   static Eigen::MatrixXd Stacked(const std::vector<Eigen::RowVectorXd>& rows) {
@@ -117,8 +117,7 @@ class Averaging {
   }
 
   const Run& run_;
-  const std::vector<int>& disks_;
-  const Eigen::MatrixXd readings_;
+  Eigen::MatrixXd readings_;  // of the disks that count
   std::vector<double> time_;
   std::vector<Eigen::RowVectorXd> motor_, speed_, seen_;
   States out_;
@@ -143,6 +142,20 @@ Eigen::MatrixXd Postures::Stacked(Eigen::MatrixXd States::*values) const {
     row += (run.*values).rows();
   }
   return all;
+}
+
+std::string Postures::ChannelName(Eigen::Index channel) const {
+  return fmt::format("disk {} {}", disks[static_cast<std::size_t>(channel / 3)] + 1, "xyz"[channel % 3]);
+}
+
+std::vector<std::string> Postures::Lost() const {
+  std::vector<std::string> lines;
+  for (const States& run : runs) {
+    if (run.lost == 0) continue;
+    lines.push_back(fmt::format("run {}: {} of {} states without a reading of a motor or a disk", run.run,
+                                run.lost, run.lost + run.time_s.size()));
+  }
+  return lines;
 }
 
 int Postures::states() const {

@@ -26,6 +26,9 @@ struct Postures {
 
   int states() const;
   int channels() const { return 3 * static_cast<int>(disks.size()); }
+  std::string ChannelName(Eigen::Index channel) const;  // "disk 3 x", counted from 1
+  /// A line each run that lost states.
+  std::vector<std::string> Lost() const;
   /// One matrix of all runs, one below the other.
   Eigen::MatrixXd Stacked(Eigen::MatrixXd States::*values) const;
 };
