@@ -25,7 +25,9 @@ class Terminal:
         self._pid_file = folder / "pid"
         # A shell between: tmux sends its own children on when they are stopped.
         words = f"echo $$ > {shlex.quote(str(self._pid_file))}; {shlex.join(command)}; :"
-        self._tmux("-f", "/dev/null", "new-session", "-d", "-x", str(size[0]), "-y", str(size[1]), words)
+        # What a program that ended has said stays on the screen.
+        session = ["new-session", "-d", "-x", str(size[0]), "-y", str(size[1]), words]
+        self._tmux("-f", "/dev/null", "start-server", ";", "set-option", "-g", "remain-on-exit", "on", ";", *session)
         until("started", lambda: self._pid_file.exists() and self._child())
         self.pid = int(self._child())
 
@@ -36,7 +38,7 @@ class Terminal:
         return done.stdout
 
     def shown(self) -> str:
-        return self._tmux("capture-pane", "-p")
+        return self._tmux("capture-pane", "-p", "-J", "-S", "-")
 
     def key(self, *keys: str) -> None:
         self._tmux("send-keys", *keys)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import signal
 import subprocess
@@ -29,12 +30,25 @@ def client():
         yield client
 
 
+def started(folder):
+    """The dashboard, when it shows itself; once more where a busy machine kept the robot silent for its two seconds."""
+    for attempt in range(3):
+        (folder / str(attempt)).mkdir()
+        words = ["tendril", "status", "--watch", "--tip-speed", "14"]
+        terminal = Terminal(folder / str(attempt), words, {"TENDRIL_PYTHON": sys.executable})
+        until("shows itself", lambda: re.search("SPACE or d  disarm|tendril: status:", terminal.shown()), 60, terminal.shown)
+        if "no daemon" not in terminal.shown():
+            break
+        terminal.close()
+    return terminal
+
+
 @pytest.fixture()
 def terminal(client, tmp_path):
-    terminal = Terminal(tmp_path, ["tendril", "status", "--watch", "--tip-speed", "14"], {"TENDRIL_PYTHON": sys.executable})
+    terminal = started(tmp_path)
     try:
-        terminal.until_shown("SPACE or d  disarm", 30)
-        terminal.until_shown("rig_60mm")
+        terminal.until_shown("SPACE or d  disarm")
+        terminal.until_shown("rig_60mm", 60)
         yield terminal
     finally:
         terminal.close()

@@ -1,8 +1,9 @@
-"""A small sealed campaign from the draw to the score: twelve short sets of the foreign plant, what is planted drawn from the
+"""A small sealed campaign from the draw to the score: four short sets of the foreign plant, what is planted drawn from the
 system's randomness, each diagnosed by the program itself where it cannot read the answers. Prints the score's table.
 
-A sixth of the library is drawn from and looked for. Twelve sets say little of any share; where one set in twenty-five is
-confidently wrong, one campaign in a hundred has three such."""
+A sixth of the library is drawn from and looked for. Four sets show that the way from draw to score works, not how often the
+diagnosis is right: that is what campaigns of hundreds are for. Where one set in twenty-five is confidently wrong, one
+campaign of four in a hundred has two such."""
 import tests.blind.packages  # noqa: F401  (first)
 import json
 import subprocess
@@ -11,7 +12,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-SETS, FAMILIES = 12, 2
+SETS, FAMILIES = 4, 2
 EFFECTS = "torque_constant motor_coulomb capstan_alpha backlash bending_stiffness tip_payload cell_gain".split()
 FREE = "presliding motor_presliding gear_presliding".split()  # what nobody knows, and is not drawn
 ROOT = Path(__file__).resolve().parents[2]
@@ -45,7 +46,7 @@ class SmallCampaign(unittest.TestCase):
         self.assertEqual(numbers["sets"], SETS)
         self.assertEqual(numbers["diagnosis failed to answer"]["k"], 0)
         self.assertLessEqual(numbers["false alarms on exact nulls"]["k"], 1)
-        self.assertLessEqual(numbers["confidently wrong (p >= 0.9)"]["k"], 2)
+        self.assertLessEqual(numbers["confidently wrong (p >= 0.9)"]["k"], 1)
         strong = numbers["top-1 cause at > 3 sigma, group-exact"]
         self.assertGreaterEqual(strong["k"], (strong["n"] - 1) / 2)
 
