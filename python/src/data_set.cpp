@@ -124,6 +124,10 @@ void AddRunClass(nb::module_& m) {
       .def_prop_ro("tip", &Channel<&Run::tip_m>, "Tip by the tracker, in its frame [m], (S, 3).")
       .def_prop_ro("tip_orientation", &Channel<&Run::tip_quaternion>,
                    "Orientation of the tip, unit quaternion w, x, y, z, (S, 4).")
+      .def_prop_ro("disks", &Channel<&Run::disks_m>,
+                   "Centre of every disk in the tracker's frame [m], x, y, z a disk, (S, 3D).")
+      .def_prop_ro("disk_orientations", &Channel<&Run::disk_quaternion>,
+                   "Orientation of every disk, unit quaternion w, x, y, z a disk, (S, 4D).")
       .def_prop_ro("bending", &Channel<&Run::bending_rad>,
                    "us, vs of each section, where the log has it [rad], (S, 2K).")
       .def("__repr__", [](const Run& r) {

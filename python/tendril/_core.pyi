@@ -280,6 +280,14 @@ class Run:
         """Orientation of the tip, unit quaternion w, x, y, z, (S, 4)."""
 
     @property
+    def disks(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')] | None:
+        """Centre of every disk in the tracker's frame [m], x, y, z a disk, (S, 3D)."""
+
+    @property
+    def disk_orientations(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')] | None:
+        """Orientation of every disk, unit quaternion w, x, y, z a disk, (S, 4D)."""
+
+    @property
     def bending(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')] | None:
         """us, vs of each section, where the log has it [rad], (S, 2K)."""
 

@@ -105,9 +105,12 @@ class Importer {
  private:
   // ---- columns ----
 
-  std::array<const std::vector<MappedColumn>*, 8> Groups() const {
-    return {&map_.torque_target, &map_.torque_actual, &map_.motor_position, &map_.tension,
-            &map_.tip,           &map_.disks,         &map_.orientation,    &map_.bending};
+  std::vector<const std::vector<MappedColumn>*> Groups() const {
+    std::vector<const std::vector<MappedColumn>*> groups{
+        &map_.torque_target, &map_.torque_actual, &map_.motor_position,      &map_.tension,
+        &map_.tip,           &map_.disks,         &map_.orientation.columns, &map_.bending};
+    for (const MappedOrientation& of_disk : map_.disk_orientations) groups.push_back(&of_disk.columns);
+    return groups;
   }
 
   std::vector<CellKind> Choose(const std::vector<std::string>& names) {
@@ -314,10 +317,10 @@ class Importer {
     return filled;
   }
 
-  /// R of the tip in the table's frame; false where a number is missing or it is no rotation.
-  bool Rotation(const Eigen::RowVectorXd& x, Eigen::Matrix3d& R) const {
+  /// R in the table's frame; false where a number is missing or it is no rotation.
+  static bool Rotation(const MappedOrientation& oriented, const Eigen::RowVectorXd& x, Eigen::Matrix3d& R) {
     if (!x.allFinite()) return false;
-    switch (map_.orientation_kind) {
+    switch (oriented.kind) {
       case OrientationKind::kQuaternion:
         if (std::abs(x.norm() - 1) > 0.05) return false;
         R = Eigen::Quaterniond(x[0], x[1], x[2], x[3]).normalized().toRotationMatrix();
@@ -335,7 +338,7 @@ class Importer {
       case OrientationKind::kEuler: {
         R.setIdentity();
         for (int i = 0; i < 3; ++i) {
-          const char axis = map_.euler_order[static_cast<std::size_t>(i)];
+          const char axis = oriented.euler_order[static_cast<std::size_t>(i)];
           const bool turned = axis < 'a';
           const Eigen::Matrix3d turn =
               Eigen::AngleAxisd(x[i], Eigen::Vector3d::Unit(turned ? axis - 'X' : axis - 'x'))
@@ -363,22 +366,41 @@ class Importer {
       const Eigen::MatrixXd disk = run.disks_m.middleCols(d, 3) * map_.R_base_table.transpose();
       run.disks_m.middleCols(d, 3) = disk.rowwise() + (map_.offset_m + rest_offset_m_).transpose();
     }
-    if (map_.orientation.empty()) return;
-    const Eigen::MatrixXd numbers = Fill(map_.orientation, rows);
-    run.tip_quaternion.setConstant(numbers.rows(), 4, kNoReading);
     int bad = 0;
+    const Eigen::Matrix3d unturned = Eigen::Matrix3d::Identity();
+    run.tip_quaternion = Quaternions(map_.orientation, rest_turn_, rows, bad);
+    if (!map_.disk_orientations.empty()) {
+      run.disk_quaternion.setConstant(
+          run.time_s.size(), 4 * static_cast<Eigen::Index>(map_.disk_orientations.size()), kNoReading);
+    }
+    for (std::size_t d = 0; d < map_.disk_orientations.size(); ++d) {
+      if (map_.disk_orientations[d].columns.empty()) continue;
+      run.disk_quaternion.middleCols(4 * static_cast<Eigen::Index>(d), 4) = Quaternions(
+          map_.disk_orientations[d], disk_rest_turn_.empty() ? unturned : disk_rest_turn_[d], rows, bad);
+    }
+    if (bad > 0)
+      run.warnings.push_back(
+          fmt::format("{} orientation{} no rotation, taken as missing", bad, bad == 1 ? " is" : "s are"));
+  }
+
+  /// S x 4 in the base frame, w not negative; without columns where none are mapped. Counts in `bad` what is
+  /// no rotation.
+  Eigen::MatrixXd Quaternions(const MappedOrientation& oriented, const Eigen::Matrix3d& turn,
+                              const std::vector<int>& rows, int& bad) const {
+    if (oriented.columns.empty()) return {};
+    const Eigen::MatrixXd numbers = Fill(oriented.columns, rows);
+    Eigen::MatrixXd quaternions = Eigen::MatrixXd::Constant(numbers.rows(), 4, kNoReading);
     Eigen::Matrix3d R;
     for (Eigen::Index i = 0; i < numbers.rows(); ++i) {
-      if (!Rotation(numbers.row(i), R)) {
+      if (!Rotation(oriented, numbers.row(i), R)) {
         bad += numbers.row(i).allFinite();
         continue;
       }
-      Eigen::Quaterniond q(Eigen::Matrix3d(map_.R_base_table * R * rest_turn_));
+      Eigen::Quaterniond q(Eigen::Matrix3d(map_.R_base_table * R * turn));
       if (q.w() < 0) q.coeffs() *= -1;
-      run.tip_quaternion.row(i) << q.w(), q.x(), q.y(), q.z();
+      quaternions.row(i) << q.w(), q.x(), q.y(), q.z();
     }
-    if (bad > 0)
-      run.warnings.push_back(fmt::format("{} orientations that are not rotations taken as missing", bad));
+    return quaternions;
   }
 
   /// Offset and turn that make the first rows the straight robot at rest.
@@ -406,14 +428,19 @@ class Importer {
       }
       rest_offset_m_ = Eigen::Vector3d(0, 0, robot_.body.length_m()) - sum / count;
     }
-    if (map_.orientation.empty()) return;
-    const Eigen::MatrixXd numbers = Fill(map_.orientation, rows);
+    rest_turn_ = RestTurn(map_.orientation, rows);
+    for (const MappedOrientation& of_disk : map_.disk_orientations)
+      disk_rest_turn_.push_back(RestTurn(of_disk, rows));
+  }
+
+  /// What turns the first orientation in these rows into that of the straight robot: how a sensor is mounted.
+  Eigen::Matrix3d RestTurn(const MappedOrientation& oriented, const std::vector<int>& rows) const {
+    const Eigen::MatrixXd numbers = Fill(oriented.columns, rows);
     Eigen::Matrix3d R;
     for (Eigen::Index i = 0; i < numbers.rows(); ++i) {
-      if (!Rotation(numbers.row(i), R)) continue;
-      rest_turn_ = (map_.R_base_table * R).transpose();
-      return;
+      if (Rotation(oriented, numbers.row(i), R)) return (map_.R_base_table * R).transpose();
     }
+    return Eigen::Matrix3d::Identity();
   }
 
   // ---- names ----
@@ -450,6 +477,7 @@ class Importer {
   std::vector<std::string> by_, family_, repeats_, keys_, notes_;
   Eigen::Vector3d rest_offset_m_ = Eigen::Vector3d::Zero();
   Eigen::Matrix3d rest_turn_ = Eigen::Matrix3d::Identity();
+  std::vector<Eigen::Matrix3d> disk_rest_turn_;  // of every disk; empty: none is turned
 };
 
 }  // namespace
@@ -459,7 +487,7 @@ DataSet ImportTables(const std::string& map_path, const std::vector<std::string>
   const ImportMap map = LoadImportMap(map_path, robot);
   DataSet set;
   set.robot = robot;
-  set.fit_frame = map.fit_frame && (!map.tip.empty() || !map.disks.empty());
+  set.fit_frame = map.fit_frame && (!map.tip.empty() || !map.disks.empty() || !map.disk_orientations.empty());
   std::set<std::string> taken;
   for (const std::string& table : tables) {
     try {

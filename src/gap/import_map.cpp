@@ -83,18 +83,20 @@ class Reader {
     };
     use("time", map_.time_column, false);
     use("time.index", map_.index_column, false);
-    const std::pair<const char*, const std::vector<MappedColumn>*> groups[] = {
+    std::vector<std::pair<const char*, const std::vector<MappedColumn>*>> groups{
         {"torque_target", &map_.torque_target},
         {"torque_actual", &map_.torque_actual},
         {"motor_position", &map_.motor_position},
         {"tension", &map_.tension},
         {"tip", &map_.tip},
         {"disks", &map_.disks},
-        {"orientation", &map_.orientation},
+        {"orientation", &map_.orientation.columns},
         {"bending", &map_.bending}};
+    for (const MappedOrientation& of_disk : map_.disk_orientations)
+      groups.emplace_back("disk_orientations", &of_disk.columns);
     for (const auto& [channel, columns] : groups) {
-      const bool a_tendon = columns != &map_.tip && columns != &map_.disks && columns != &map_.orientation &&
-                            columns != &map_.bending;
+      const bool a_tendon = columns == &map_.torque_target || columns == &map_.torque_actual ||
+                            columns == &map_.motor_position || columns == &map_.tension;
       for (const MappedColumn& column : *columns) use(channel, column.name, a_tendon);
     }
   }
@@ -303,6 +305,7 @@ class Reader {
     }
     if (has("disks")) Disks(block.Sub("disks"));
     if (has("orientation")) Orientation(block.Sub("orientation"));
+    if (has("disk_orientations")) DiskOrientations(block.Sub("disk_orientations"));
     if (has("bending")) {
       YamlBlock bending = block.Sub("bending");
       map_.bending_is_polar =
@@ -317,7 +320,9 @@ class Reader {
     block.Close();
     if (!any)
       block.Fail("", "names no column",
-                 "torque_target, torque_actual, motor_position, tension, tip, disks, orientation, bending");
+                 "torque_target, torque_actual, motor_position, tension, tip, disks, orientation, "
+                 "disk_orientations, "
+                 "bending");
   }
 
   void Disks(YamlBlock block) {
@@ -339,46 +344,100 @@ class Reader {
     if (!any) block.Fail("", "names no disk", fmt::format("1 to {}, such as 1: [x1, y1, z1]", disks));
   }
 
-  void Orientation(YamlBlock block) {
-    map_.orientation_kind =
-        block.Choice<OrientationKind>("kind",
-                                      {{"quaternion", OrientationKind::kQuaternion},
-                                       {"matrix", OrientationKind::kMatrix},
-                                       {"euler", OrientationKind::kEuler},
-                                       {"rotation_vector", OrientationKind::kRotationVector}},
-                                      "quaternion");
-    const bool angles = map_.orientation_kind == OrientationKind::kEuler ||
-                        map_.orientation_kind == OrientationKind::kRotationVector;
-    const double unit = angles ? block.Choice("unit", kAngles, "rad") : 1;
-    if (map_.orientation_kind == OrientationKind::kQuaternion) {
-      const std::string order = block.Text("order", "wxyz");
-      std::string sorted = order;
-      std::sort(sorted.begin(), sorted.end());
-      if (sorted != "wxyz")
-        block.Fail("order", "'" + Printable(order) + "' is not an order",
-                   "wxyz, xyzw, or any other order of the four");
-      std::vector<MappedColumn> columns =
-          Group(block, 4, "the quaternion in the given order", std::vector<double>(4, 1));
-      for (const char c : {'w', 'x', 'y', 'z'}) map_.orientation.push_back(columns[order.find(c)]);
-    } else if (map_.orientation_kind == OrientationKind::kMatrix) {
-      map_.orientation =
-          Group(block, 9, "the matrix row by row; its columns are the tip's axes", std::vector<double>(9, 1));
-    } else {
-      if (map_.orientation_kind == OrientationKind::kEuler) {
-        map_.euler_order = block.Text("order", "");
-        const std::string& order = map_.euler_order;
-        const bool upper = order.find_first_not_of("XYZ") == order.npos,
-                   lower = order.find_first_not_of("xyz") == order.npos;
-        if (order.size() != 3 || !(upper || lower) || order[0] == order[1] || order[1] == order[2]) {
-          block.Fail("order", "'" + Printable(order) + "' is not an order",
-                     "three axes such as ZYX (about the turned axes) or xyz (about the fixed ones)");
-        }
-      }
-      map_.orientation = Group(block, 3, "the three angles", std::vector<double>(3, unit));
+  /// What a block says of its orientations, and how their numbers are to be read.
+  struct Oriented {
+    MappedOrientation how;  // without columns
+    std::size_t count = 4;  // numbers of one
+    const char* what = "";
+    double unit = 1;
+    std::string quaternion_order;  // of the table; empty: no quaternion
+
+    MappedOrientation With(const std::vector<MappedColumn>& columns) const {
+      MappedOrientation all = how;
+      all.columns = columns;
+      for (std::size_t i = 0; i < quaternion_order.size(); ++i)
+        all.columns[i] = columns[quaternion_order.find("wxyz"[i])];
+      return all;
     }
-    for (const MappedColumn& c : map_.orientation) {
+  };
+
+  void Orientation(YamlBlock block) {
+    const Oriented oriented = HowOriented(block);
+    map_.orientation = oriented.With(
+        Group(block, oriented.count, oriented.what, std::vector<double>(oriented.count, oriented.unit)));
+    for (const MappedColumn& c : map_.orientation.columns) {
       if (c.name.empty()) block.Fail("names", "lack one", "a column for each number");
     }
+  }
+
+  void DiskOrientations(YamlBlock block) {
+    const Oriented oriented = HowOriented(block);
+    const int disks = robot_.body.disks();
+    map_.disk_orientations.resize(static_cast<std::size_t>(disks));
+    bool any = false;
+    for (int d = 1; d <= disks; ++d) {
+      const std::string key = std::to_string(d);
+      if (!block.Has(key.c_str())) continue;
+      any = true;
+      std::vector<MappedColumn> columns;
+      for (const std::string& name : block.Texts(key.c_str(), oriented.count, oriented.what)) {
+        if (name.empty()) block.Fail(key.c_str(), "lacks a number", "a column for each number");
+        columns.push_back({name, oriented.unit, 0});
+      }
+      map_.disk_orientations[static_cast<std::size_t>(d - 1)] = oriented.With(columns);
+    }
+    block.Close();
+    if (!any) block.Fail("", "names no disk", fmt::format("1 to {}, such as 1: [qw1, qx1, qy1, qz1]", disks));
+  }
+
+  Oriented HowOriented(YamlBlock& block) {
+    Oriented oriented;
+    oriented.how.kind = block.Choice<OrientationKind>("kind",
+                                                      {{"quaternion", OrientationKind::kQuaternion},
+                                                       {"matrix", OrientationKind::kMatrix},
+                                                       {"euler", OrientationKind::kEuler},
+                                                       {"rotation_vector", OrientationKind::kRotationVector}},
+                                                      "quaternion");
+    switch (oriented.how.kind) {
+      case OrientationKind::kNone:
+      case OrientationKind::kQuaternion:
+        oriented.what = "the quaternion in the given order";
+        oriented.quaternion_order = QuaternionOrder(block);
+        break;
+      case OrientationKind::kMatrix:
+        oriented.count = 9;
+        oriented.what = "the matrix row by row; its columns are the axes of what is measured";
+        break;
+      case OrientationKind::kEuler:
+      case OrientationKind::kRotationVector:
+        oriented.count = 3;
+        oriented.what = "the three angles";
+        oriented.unit = block.Choice("unit", kAngles, "rad");
+        if (oriented.how.kind == OrientationKind::kEuler) oriented.how.euler_order = EulerOrder(block);
+        break;
+    }
+    return oriented;
+  }
+
+  static std::string QuaternionOrder(YamlBlock& block) {
+    const std::string order = block.Text("order", "wxyz");
+    std::string sorted = order;
+    std::sort(sorted.begin(), sorted.end());
+    if (sorted != "wxyz")
+      block.Fail("order", "'" + Printable(order) + "' is not an order",
+                 "wxyz, xyzw, or any other order of the four");
+    return order;
+  }
+
+  static std::string EulerOrder(YamlBlock& block) {
+    const std::string order = block.Text("order", "");
+    const bool upper = order.find_first_not_of("XYZ") == order.npos,
+               lower = order.find_first_not_of("xyz") == order.npos;
+    if (order.size() != 3 || !(upper || lower) || order[0] == order[1] || order[1] == order[2]) {
+      block.Fail("order", "'" + Printable(order) + "' is not an order",
+                 "three axes such as ZYX (about the turned axes) or xyz (about the fixed ones)");
+    }
+    return order;
   }
 
   void Frame(YamlBlock block) {

@@ -32,6 +32,13 @@ enum class TimeKind { kNumber, kIso8601, kClock };
 
 enum class OrientationKind { kNone, kQuaternion, kMatrix, kEuler, kRotationVector };
 
+/// A rotation from the axes of what is measured to the table's.
+struct MappedOrientation {
+  OrientationKind kind = OrientationKind::kNone;
+  std::string euler_order;            // "XYZ" about the turned axes, "xyz" about the fixed ones
+  std::vector<MappedColumn> columns;  // w, x, y, z; or the matrix row by row; or three angles
+};
+
 struct ImportMap {
   TableFormat format;
 
@@ -47,10 +54,10 @@ struct ImportMap {
   std::vector<MappedColumn> torque_target, torque_actual, motor_position, tension;  // by tendon, or empty
   std::vector<MappedColumn> tip;                                                    // x, y, z, or empty
   std::vector<MappedColumn> disks;  // x, y, z of every disk, without names where it has no marker; or empty
-  OrientationKind orientation_kind = OrientationKind::kNone;
-  std::vector<MappedColumn> orientation;  // w, x, y, z; or the matrix row by row; or three angles
-  std::string euler_order;                // "XYZ" about the turned axes, "xyz" about the fixed ones
-  bool bending_is_polar = false;          // columns hold angle and plane of each section instead of us and vs
+  MappedOrientation orientation;    // of the tip
+  std::vector<MappedOrientation>
+      disk_orientations;          // of every disk, without columns where there is none; or empty
+  bool bending_is_polar = false;  // columns hold angle and plane of each section instead of us and vs
   std::vector<MappedColumn> bending;
 
   Eigen::Matrix3d R_base_table = Eigen::Matrix3d::Identity();

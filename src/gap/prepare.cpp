@@ -42,7 +42,7 @@ std::optional<Run> WithoutEmptyRows(const Run& run) {
     bool any = false;
     for (const auto* values :
          {&run.torque_target_Nm, &run.torque_actual_Nm, &run.motor_position_rad, &run.tension_N, &run.tip_m,
-          &run.tip_quaternion, &run.bending_rad, &run.disks_m})
+          &run.tip_quaternion, &run.bending_rad, &run.disks_m, &run.disk_quaternion})
       any = any || (values->rows() == rows && values->row(i).array().isFinite().any());
     if (any) kept.push_back(static_cast<int>(i));
   }
@@ -433,8 +433,9 @@ void PreparedRun::MoveTracker(double by_s) {
 Run OfRows(const Run& run, const std::vector<int>& rows) {
   Run out = run;
   out.time_s = run.time_s(rows);
-  for (auto* values : {&out.torque_target_Nm, &out.torque_actual_Nm, &out.motor_position_rad, &out.tension_N,
-                       &out.tip_m, &out.tip_quaternion, &out.bending_rad, &out.disks_m}) {
+  for (auto* values :
+       {&out.torque_target_Nm, &out.torque_actual_Nm, &out.motor_position_rad, &out.tension_N, &out.tip_m,
+        &out.tip_quaternion, &out.bending_rad, &out.disks_m, &out.disk_quaternion}) {
     if (values->rows() == run.time_s.size()) *values = (*values)(rows, Eigen::all).eval();
   }
   return out;

@@ -65,6 +65,11 @@ const ColumnOf kColumns[] = {
      &Run::disks_m},
     {{"disk_y_m_d", "m", "The same, y."}, &Run::disks_m},
     {{"disk_z_m_d", "m", "The same, z."}, &Run::disks_m},
+    {{"disk_qw_d", "", "Orientation of disk d in the base frame, unit quaternion, w."},
+     &Run::disk_quaternion},
+    {{"disk_qx_d", "", "The same, x."}, &Run::disk_quaternion},
+    {{"disk_qy_d", "", "The same, y."}, &Run::disk_quaternion},
+    {{"disk_qz_d", "", "The same, z."}, &Run::disk_quaternion},
 };
 
 /// The column of tendon, section or disk `n`: "tension_N_2" of "tension_N_j".
@@ -103,9 +108,14 @@ std::vector<Block> Blocks(const Counts& counts) {
   return blocks;
 }
 
+/// Its columns are those of disks, each with or without a sensor.
+bool IsOfDisks(const Block& block) {
+  return block.matrix == &Run::disks_m || block.matrix == &Run::disk_quaternion;
+}
+
 /// Its columns are one a tendon.
 bool IsOfTendons(const Block& block) {
-  return !block.whole && block.matrix != &Run::bending_rad && block.matrix != &Run::disks_m;
+  return !block.whole && block.matrix != &Run::bending_rad && !IsOfDisks(block);
 }
 
 std::string Listed(const std::vector<std::string>& names) {
@@ -117,27 +127,38 @@ std::string Listed(const std::vector<std::string>& names) {
   return text;
 }
 
-// Unit quaternions; rows that are not rotations become NaN.
-void Normalise(Run& run) {
-  if (run.tip_quaternion.cols() == 0) return;
-  for (const auto number : run.tip_quaternion.colwise())
-    run.tip_quaternion_step = std::max(run.tip_quaternion_step, DecimalStep(number));
+/// Unit quaternions; rows that are not rotations become NaN. The number of those.
+int Normalise(Eigen::Ref<Eigen::MatrixXd> quaternions) {
   int bad = 0;
-  for (Eigen::Index i = 0; i < run.tip_quaternion.rows(); ++i) {
-    const double norm = run.tip_quaternion.row(i).norm();
+  for (Eigen::Index i = 0; i < quaternions.rows(); ++i) {
+    const double norm = quaternions.row(i).norm();
     if (std::isnan(norm)) {
-      run.tip_quaternion.row(i).setConstant(kNoReading);
+      quaternions.row(i).setConstant(kNoReading);
     } else if (std::abs(norm - 1) > 0.05) {
-      run.tip_quaternion.row(i).setConstant(kNoReading);
+      quaternions.row(i).setConstant(kNoReading);
       ++bad;
     } else if (std::abs(norm - 1) > 1e-12) {
-      run.tip_quaternion.row(i) /= norm;
+      quaternions.row(i) /= norm;
     }
   }
-  if (bad > 0) {
-    run.warnings.push_back(fmt::format(
-        "{} orientations (tip_qw, tip_qx, tip_qy, tip_qz) whose norm is not 1 taken as missing", bad));
+  return bad;
+}
+
+void Normalise(Run& run) {
+  const auto warn = [&](int bad, const char* names) {
+    if (bad > 0)
+      run.warnings.push_back(fmt::format("{} orientation{} ({}) whose norm is not 1 taken as missing", bad,
+                                         bad == 1 ? "" : "s", names));
+  };
+  if (run.tip_quaternion.cols() > 0) {
+    for (const auto number : run.tip_quaternion.colwise())
+      run.tip_quaternion_step = std::max(run.tip_quaternion_step, DecimalStep(number));
+    warn(Normalise(run.tip_quaternion), "tip_qw, tip_qx, tip_qy, tip_qz");
   }
+  int bad = 0;
+  for (Eigen::Index d = 0; d + 3 < run.disk_quaternion.cols(); d += 4)
+    bad += Normalise(run.disk_quaternion.middleCols(d, 4));
+  warn(bad, "disk_qw_d, disk_qx_d, disk_qy_d, disk_qz_d");
 }
 
 /// Columns of a table by lower-case name.
@@ -224,8 +245,8 @@ class TableReader {
       throw TableError(fmt::format(
           "{}: no usable column; there are: {}; accepted: torque_target_Nm_j, torque_actual_Nm_j, "
           "motor_position_rad_j, tension_N_j (j = 1..{}), tip_x_m, tip_y_m, tip_z_m, tip_qw, tip_qx, tip_qy, "
-          "tip_qz, us_k, vs_k (k = 1..{}), disk_x_m_d, disk_y_m_d, disk_z_m_d (d = 1..{}); rename them or "
-          "use "
+          "tip_qz, us_k, vs_k (k = 1..{}), disk_x_m_d, disk_y_m_d, disk_z_m_d, disk_qw_d, "
+          "disk_qx_d, disk_qy_d, disk_qz_d (d = 1..{}); rename them or use "
           "tendril gap import with a column map",
           where, Listed(names), robot_.body.tendons(), robot_.body.sections.size(), robot_.body.disks()));
     }
@@ -251,7 +272,7 @@ class TableReader {
     }
     if (missing.size() == block.names.size()) return {};
     // Few labs put a marker on every disk.
-    if (missing.empty() || block.matrix == &Run::disks_m) return found;
+    if (missing.empty() || IsOfDisks(block)) return found;
     run_.notes.push_back(
         fmt::format("columns missing: {}{}", Listed(missing),
                     block.whole ? "; the others of their kind cannot be used without them" : ""));
@@ -343,7 +364,8 @@ RunTable TableOf(const Run& run) {
   const auto columns = [](const Eigen::MatrixXd& m) { return static_cast<int>(m.cols()); };
   const int tendons = std::max({columns(run.torque_target_Nm), columns(run.torque_actual_Nm),
                                 columns(run.motor_position_rad), columns(run.tension_N)});
-  for (const Block& block : Blocks({tendons, columns(run.bending_rad) / 2, columns(run.disks_m) / 3})) {
+  const int disks = std::max(columns(run.disks_m) / 3, columns(run.disk_quaternion) / 4);
+  for (const Block& block : Blocks({tendons, columns(run.bending_rad) / 2, disks})) {
     const Eigen::MatrixXd& matrix = run.*block.matrix;
     if (matrix.cols() > 0 && matrix.rows() != run.time_s.size()) {
       throw std::runtime_error(fmt::format("run {}: {} has {} rows, the time {}", run.name,

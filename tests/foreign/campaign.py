@@ -1,9 +1,11 @@
-"""Sealed campaign over two foreign simulators as position-controlled robots: each set is a table of postures before and one after
-a withheld change, a column map and a robot file that knows little. `tendril gap diagnose` has to name the change.
+"""Sealed campaign over two foreign simulators as position-controlled robots: each set is a table of postures before and
+one after a withheld change, a column map and a robot file that knows little. `tendril gap diagnose` has to name the
+change.
 
-Files in the folder: sets, seals and answers by number; summary.json; table.md. The truth is in the folder beside it that ends in
-.vault, hashed before anything is diagnosed and out of the diagnosis's reach (tests/blind/seal.py). What was made or answered is
-kept, and the same command goes on."""
+Files in the folder: sets, seals and answers by number; summary.json; table.md. The truth is in the folder beside it
+that ends in .vault, hashed before anything is diagnosed and out of the diagnosis's reach (tests/blind/seal.py). What
+was made or answered is kept, and the same command goes on."""
+
 import argparse
 import contextlib
 import importlib
@@ -27,12 +29,15 @@ FEWEST, MOST = 100, 150  # postures of a table
 LOOKED_AT = 25  # of those after the change, for how far it moves the tip
 TIMEOUT_S = 3600
 # Both tables are imported with the same file and map, then the change is asked for.
-ASK = ('set -e; "$0" gap import --robot "$1/robot.yaml" --map "$1/map.yaml" "$1/before.csv" --out "$2/before" >/dev/null; '
-       '"$0" gap import --robot "$1/robot.yaml" --map "$1/map.yaml" "$1/after.csv" --out "$2/after" >/dev/null; '
-       'exec "$0" gap diagnose --robot "$1/robot.yaml" "$2/after" --before "$2/before" --out "$2" --no-next --threads "$3"')
+ASK = (
+    'set -e; "$0" gap import --robot "$1/robot.yaml" --map "$1/map.yaml" "$1/before.csv" --out "$2/before" >/dev/null; '
+    '"$0" gap import --robot "$1/robot.yaml" --map "$1/map.yaml" "$1/after.csv" --out "$2/after" >/dev/null; '
+    'exec "$0" gap diagnose --robot "$1/robot.yaml" "$2/after" --before "$2/before" --out "$2" --no-next --threads "$3"'
+)
 
 
 # ---- plan ----
+
 
 def planned(o, folder, vault):
     """(plant, change) of every set; what is interrupted goes on with the plan that was made."""
@@ -42,24 +47,33 @@ def planned(o, folder, vault):
     with contextlib.suppress(FileExistsError):
         seal.write_once(folder / "vault", f"{vault.resolve()}\n")
     plants = draw.PLANTS if o.plant == "both" else (o.plant,)
-    plan = dict(sets=o.sets, seed=o.seed, plant=o.plant, kinds=draw.kinds_of(o.sets, plants, np.random.default_rng(o.seed)))
+    plan = dict(
+        sets=o.sets, seed=o.seed, plant=o.plant, kinds=draw.kinds_of(o.sets, plants, np.random.default_rng(o.seed))
+    )
     path = vault / "plan.json"
     with contextlib.suppress(FileExistsError):
         seal.write_once(path, json.dumps(plan))
     begun = json.loads(path.read_text())
     for key in ("sets", "seed", "plant"):
         if begun[key] != plan[key]:
-            raise Wrong(f"--{key} {plan[key]}: this campaign was begun with {begun[key]}; repeat that, or name another folder with --out")
+            raise Wrong(
+                f"--{key} {plan[key]}: this campaign was begun with {begun[key]}; repeat that, or name another "
+                "folder with --out"
+            )
     return begun["kinds"]
 
 
 # ---- make ----
 
+
 def make(o, folder, vault, kinds):
     """Sets that could not be made."""
     how = dict(folder=str(folder), vault=str(vault), seed=o.seed)
-    tasks = [Task(f"{k:04d}", make_one, (how, k, *kind)) for k, kind in enumerate(kinds)
-             if not (folder / "seals" / f"{k:04d}.json").exists()]
+    tasks = [
+        Task(f"{k:04d}", make_one, (how, k, *kind))
+        for k, kind in enumerate(kinds)
+        if not (folder / "seals" / f"{k:04d}.json").exists()
+    ]
     lost = []
     with seal.planning(folder, "make"), Workers(o.jobs) as workers:
         for done in workers.results(tasks):
@@ -67,7 +81,10 @@ def make(o, folder, vault, kinds):
                 raise done.error
             if done.error:
                 lost.append(done.task.name)
-            print(f"{done.task.name}: " + (f"not made: {done.error}" if done.error else f"sealed {done.value[:16]}"), flush=True)
+            print(
+                f"{done.task.name}: " + (f"not made: {done.error}" if done.error else f"sealed {done.value[:16]}"),
+                flush=True,
+            )
     return lost
 
 
@@ -78,11 +95,15 @@ def make_one(how, number, plant, change):
     shutil.rmtree(data, ignore_errors=True)
     data.mkdir()
     answer = made(data, np.random.default_rng([how["seed"], number]), plant, change)
-    answer.update(id=name, plant=plant, seed=[how["seed"], number], data_sha256=seal.digest(data), nonce=secrets.token_hex(32))
+    answer.update(
+        id=name, plant=plant, seed=[how["seed"], number], data_sha256=seal.digest(data), nonce=secrets.token_hex(32)
+    )
     text = json.dumps(answer, indent=1) + "\n"
     (vault / f"{name}.json").unlink(missing_ok=True)
     seal.write_once(vault / f"{name}.json", text)
-    sealed = dict(id=name, answer_sha256=seal.sha(text.encode()), data_sha256=answer["data_sha256"], sealed_ns=seal.now())
+    sealed = dict(
+        id=name, answer_sha256=seal.sha(text.encode()), data_sha256=answer["data_sha256"], sealed_ns=seal.now()
+    )
     seal.write_once(folder / "seals" / f"{name}.json", json.dumps(sealed) + "\n")
     return sealed["answer_sha256"]
 
@@ -97,7 +118,9 @@ def made(data, rng, plant, change):
     table.write_runs(data / "before.csv", lab, before, simulate(robot, before), rng)
     disks = simulate(draw.changed(robot, what), after)
     table.write_runs(data / "after.csv", lab, after, disks, rng)
-    table.write_yaml(data / "robot.yaml", lab["robot_file"], "Written by hand before any run; numbers marked unknown are guesses.")
+    table.write_yaml(
+        data / "robot.yaml", lab["robot_file"], "Written by hand before any run; numbers marked unknown are guesses."
+    )
     table.write_yaml(data / "map.yaml", table.column_map(robot, lab), "Column map of before.csv and after.csv.")
     tip = disks[:LOOKED_AT, -1] - simulate(robot, after[:LOOKED_AT])[:, -1]
     moved = float(np.sqrt((tip**2).sum(1).mean()))
@@ -106,26 +129,18 @@ def made(data, rng, plant, change):
 
 # ---- diagnose ----
 
+
 def diagnose(o, folder, vault):
     """Asks of every sealed set without an answer; names of those that gave none."""
-    shell, tendril = shutil.which("sh"), program(o.tendril)
-    threads = max(1, (os.cpu_count() or 1) // o.jobs)
-    command = [shell, "-c", ASK, tendril, "{set}", "{out}", str(threads)]
+    tendril, threads = program(o.tendril), max(1, (os.cpu_count() or 1) // o.jobs)
+    command = [shutil.which("sh"), "-c", ASK, tendril, "{set}", "{out}", str(threads)]
     seal.confined(vault, folder)  # refused before anything is begun
     facts = dict(program_sha256=seal.sha(Path(tendril).read_bytes()))
-    names = [path.stem for path in sorted((folder / "seals").glob("*.json")) if not (folder / "answers" / path.name).exists()]
-
-    def begin(task):
-        sealed = seal.seal_of(folder, task.name)
-        if seal.digest(folder / "sets" / task.name) != sealed["data_sha256"]:
-            raise Wrong(f"{folder / 'sets' / task.name}: not the sealed data; put them back from a copy")
-        seal.enter(vault / seal.LEDGER, folder / seal.HEAD, task.name, begun_ns=seal.now(), seal_sha256=seal.seal_sha(sealed), **facts)
-        claim = folder / "answers" / f".{task.name}.{secrets.token_hex(8)}"
-        return task._replace(arguments=(str(folder / "sets" / task.name), command, seal.sha(Path(shell).read_bytes()), str(vault),
-                                        str(folder), str(claim), TIMEOUT_S))
+    sealed = [path.name for path in sorted((folder / "seals").glob("*.json"))]
+    tasks = [Task(name[:-5], seal.run_sealed, ()) for name in sealed if not (folder / "answers" / name).exists()]
     lost = []
     with seal.planning(folder, "diagnose"), Workers(o.jobs) as workers:
-        for done in workers.results([Task(name, seal.run_sealed, ()) for name in names], begin):
+        for done in workers.results(tasks, lambda task: begun(task, folder, vault, command, facts)):
             if done.error:
                 lost.append(done.task.name)
                 print(f"{done.task.name}: not answered: {done.error}", flush=True)
@@ -136,17 +151,33 @@ def diagnose(o, folder, vault):
     return lost
 
 
+def begun(task, folder, vault, command, facts):
+    """Written down before the program runs, so that nobody looks at what it finds and begins anew without a trace."""
+    sealed, data = seal.seal_of(folder, task.name), folder / "sets" / task.name
+    if seal.digest(data) != sealed["data_sha256"]:
+        raise Wrong(f"{data}: not the sealed data; put them back from a copy")
+    what = dict(begun_ns=seal.now(), seal_sha256=seal.seal_sha(sealed), **facts)
+    seal.enter(vault / seal.LEDGER, folder / seal.HEAD, task.name, **what)
+    claim = folder / "answers" / f".{task.name}.{secrets.token_hex(8)}"
+    shell_sha256 = seal.sha(Path(command[0]).read_bytes())
+    return task._replace(arguments=(str(data), command, shell_sha256, str(vault), str(folder), str(claim), TIMEOUT_S))
+
+
 def program(given):
     for place in [given] if given else [ROOT / "build" / "release" / "bin" / "tendril", shutil.which("tendril")]:
         if place and os.access(place, os.X_OK) and not os.path.isdir(place):
             return str(Path(place).resolve())
-    raise Wrong(f"no tendril program{f' at {given}' if given else ''}; build it (tools/setup) or name it with --tendril FILE")
+    raise Wrong(
+        f"no tendril program{f' at {given}' if given else ''}; build it (tools/setup) or name it with --tendril FILE"
+    )
 
 
 def write_answer(folder, vault, name, report, run, how, facts):
     if run["exit_code"] in seal.WRONG_USE:
         said = (run["error"].strip().splitlines() or ["it said nothing"])[-1]
-        raise Wrong(f"set {name}: the program was called wrongly, exit code {run['exit_code']}: {said}; nothing was answered")
+        raise Wrong(
+            f"set {name}: the program was called wrongly, exit code {run['exit_code']}: {said}; nothing was answered"
+        )
     text = json.dumps(dict(id=name, report=report, **run, **how, **facts)) + "\n"
     seal.write_once(folder / "answers" / f"{name}.json", text)
     seal.enter(vault / seal.LEDGER, folder / seal.HEAD, name, sha256=seal.sha(text.encode()))
@@ -155,6 +186,7 @@ def write_answer(folder, vault, name, report, run, how, facts):
 
 
 # ---- score ----
+
 
 def score(folder, vault):
     """Opens the seals of what was answered: a dictionary a set."""
@@ -172,8 +204,8 @@ def score(folder, vault):
 
 
 def same(truth, robot):
-    """(effect, where) of all that is the planted change by another name: the only section is all of them, and a tendon that is
-    longer is a motor whose zero is off."""
+    """(effect, where) of all that is the planted change by another name: the only section is all of them, and a tendon
+    that is longer is a motor whose zero is off."""
     effect, where = truth["effect"], truth["where"]
     names = {(effect, where)}
     if where == "all" and effect == "bending_stiffness" and len(robot["sections"]) == 1:
@@ -185,44 +217,70 @@ def same(truth, robot):
 
 def judged(answer, given):
     truth, robot, report = answer["truth"], answer["robot"], given["report"]
-    out = dict(id=answer["id"], plant=answer["plant"], robot=in_words(robot, answer["laboratory"]), truth=truth,
-               moved_mm=1e3 * answer["moved_m"], noise_mm=1e3 * answer["laboratory"]["noise_m"],
-               seconds=round((given["finished_ns"] - given["started_ns"]) / 1e9, 1))
+    out = dict(
+        id=answer["id"],
+        plant=answer["plant"],
+        robot=in_words(robot, answer["laboratory"]),
+        truth=truth,
+        moved_mm=1e3 * answer["moved_m"],
+        noise_mm=1e3 * answer["laboratory"]["noise_m"],
+        seconds=round((given["finished_ns"] - given["started_ns"]) / 1e9, 1),
+    )
     if not report:
-        return dict(out, verdict="failed", first=None, p=0.0, wrong_p=0.0, named=False, error=given["error"].strip()[-200:])
+        return dict(
+            out, verdict="failed", first=None, p=0.0, wrong_p=0.0, named=False, error=given["error"].strip()[-200:]
+        )
     names = same(truth, robot)
     causes = [c for c in report["causes"] if c["effect"] not in ("no_gap", "unknown")]
     right = [c for c in causes if (c["effect"], c["where"]) in names]
     wrong = [c for c in causes if (c["effect"], c["where"]) not in names]
     first = causes[0] if causes else None
     established = report["verdict"] in ("attributed", "ambiguous_group")
-    return dict(out, verdict=report["verdict"], first=first and {k: first[k] for k in ("effect", "where", "p", "parameters")},
-                p=sum(c["p"] for c in right), wrong_p=max((c["p"] for c in wrong), default=0.0),
-                named=bool(established and first and any(c is first or (first["group"] and c["group"] == first["group"]) for c in right)),
-                sentence=report["sentence"])
+    return dict(
+        out,
+        verdict=report["verdict"],
+        first=first and {k: first[k] for k in ("effect", "where", "p", "parameters")},
+        p=sum(c["p"] for c in right),
+        wrong_p=max((c["p"] for c in wrong), default=0.0),
+        named=bool(
+            established
+            and first
+            and any(c is first or (first["group"] and c["group"] == first["group"]) for c in right)
+        ),
+        sentence=report["sentence"],
+    )
 
 
 def in_words(robot, lab):
     disks = "+".join(str(s["disks"]) for s in robot["sections"])
     length = 1e3 * sum(s["length_m"] for s in robot["sections"])
     each = "pairs" if robot["tendons"] == "pairs" else f"{robot['tendons']} tendons"
-    return f"{robot['mount']}, {length:.0f} mm, disks {disks}, {each}, frame {lab['frame']}, {len(lab['disks'])} markers"
+    return (
+        f"{robot['mount']}, {length:.0f} mm, disks {disks}, {each}, frame {lab['frame']}, {len(lab['disks'])} markers"
+    )
 
 
 def tabled(results):
-    lines = ["`moves`: rms move of the tip by the change, over the markers' noise. `size`: as found over as planted; of a weight only as",
-             "far as the file's masses are right.", "",
-             "| set | plant | robot | truth | moves | verdict, first cause | p | largest wrong p | size | seconds |",
-             "|---|---|---|---|---|---|---|---|---|---|"]
+    lines = [
+        "`moves`: rms move of the tip by the change, over the markers' noise. `size`: as found over as planted; of a",
+        "weight only as far as the file's masses are right.",
+        "",
+        "| set | plant | robot | truth | moves | verdict, first cause | p | largest wrong p | size | seconds |",
+        "|---|---|---|---|---|---|---|---|---|---|",
+    ]
     for r in results:
         t, first = r["truth"], r["first"]
         size = "-"
         if r["named"] and (first["effect"], first["where"]) == (t["effect"], t["where"]):
             size = f"{next(iter(first['parameters'].values()))['value']:.3g} / {t['value']:.3g} {t['unit']}".strip()
         said = f"{first['effect']} {first['where']}" if first else "-"
-        lines.append(f"| {r['id']} | {r['plant']} | {r['robot']} | {t['effect']} {t['where']} | {r['moved_mm'] / r['noise_mm']:.1f} | "
-                     f"{'' if r['named'] else '**not named** '}{r['verdict']}: {said} | {r['p']:.2f} | {r['wrong_p']:.2f} | {size} | "
-                     f"{r['seconds']:.0f} |")
+        lines.append(
+            f"| {r['id']} | {r['plant']} | {r['robot']} | {t['effect']} {t['where']} | "
+            f"{r['moved_mm'] / r['noise_mm']:.1f} | "
+            f"{'' if r['named'] else '**not named** '}{r['verdict']}: {said} | {r['p']:.2f} | "
+            f"{r['wrong_p']:.2f} | {size} | "
+            f"{r['seconds']:.0f} |"
+        )
     return "\n".join(lines) + "\n"
 
 
@@ -234,6 +292,7 @@ def totals(results, sets):
 
 # ---- command line ----
 
+
 def whole(text):
     if not (text.isascii() and text.isdecimal() and len(text) < 19):
         raise argparse.ArgumentTypeError(f"'{text}': expected a whole number from 0")
@@ -241,14 +300,21 @@ def whole(text):
 
 
 def options():
-    a = argparse.ArgumentParser(prog="gap_foreign", description=__doc__.partition("\n\n")[0],
-                                epilog="Exit codes: 0 every set has an answer, whatever came out; 1 not; 2 wrong use; 130 stopped by hand.")
+    a = argparse.ArgumentParser(
+        prog="gap_foreign",
+        description=__doc__.partition("\n\n")[0],
+        epilog="Exit codes: 0 every set has an answer, whatever came out; 1 not; 2 wrong use; 130 stopped by hand.",
+    )
     a.add_argument("--sets", type=positive, default=30, help="of the whole campaign (default: %(default)s)")
     a.add_argument("--seed", type=whole, required=True, help="of robots, changes, postures and noise")
-    a.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the campaign; the truth goes into DIR.vault")
+    a.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="folder of the campaign; the truth goes into DIR.vault"
+    )
     a.add_argument("--tendril", metavar="PATH", help="the program (default: the build's, else that in PATH)")
     a.add_argument("--plant", choices=[*draw.PLANTS, "both"], default="both", help="simulator (default: %(default)s)")
-    a.add_argument("--jobs", type=positive, default=os.cpu_count() or 1, metavar="N", help="sets at a time (default: one a core)")
+    a.add_argument(
+        "--jobs", type=positive, default=os.cpu_count() or 1, metavar="N", help="sets at a time (default: one a core)"
+    )
     return a.parse_args()
 
 
@@ -264,7 +330,9 @@ def main():
     lost = make(o, folder, vault, kinds) + diagnose(o, folder, vault)
     results = score(folder, vault)
     line = totals(results, o.sets)
-    (folder / "summary.json").write_text(json.dumps(dict(sets=results, totals=line, not_answered=sorted(set(lost))), indent=1) + "\n")
+    (folder / "summary.json").write_text(
+        json.dumps(dict(sets=results, totals=line, not_answered=sorted(set(lost))), indent=1) + "\n"
+    )
     (folder / "table.md").write_text(f"{tabled(results)}\n{line}\n")
     print(f"\n{tabled(results)}\n{folder / 'table.md'}\n{line}")
     return 1 if lost or any(r["verdict"] == "failed" for r in results) else 0
@@ -277,8 +345,11 @@ if __name__ == "__main__":
     except Wrong as error:
         sys.exit(print(f"gap_foreign: {error}", file=sys.stderr) or 2)
     except ModuleNotFoundError as missing:
-        print(f"gap_foreign: no Python package {missing.name}: install those of tests/foreign/requirements.txt and name the Python that "
-              "has them, PYTHON=.../bin/python tools/gap_foreign ...", file=sys.stderr)
+        print(
+            f"gap_foreign: no Python package {missing.name}: install those of tests/foreign/requirements.txt and name "
+            "the Python that has them, PYTHON=.../bin/python tools/gap_foreign ...",
+            file=sys.stderr,
+        )
         sys.exit(2)
     except (RuntimeError, OSError, KeyError, ValueError) as error:
         print(f"gap_foreign: {error}", file=sys.stderr)

@@ -1,7 +1,8 @@
-"""Robots, postures and changes of the foreign campaign, drawn from a seed: dictionaries of plain numbers in SI units, which
-both plants read and a sealed answer can hold. Knows neither simulators nor tables.
+"""Robots, postures and changes of the foreign campaign, drawn from a seed: dictionaries of plain numbers in SI units,
+which both plants read and a sealed answer can hold. Knows neither simulators nor tables.
 
 Lengths of tendons are pulls: what a spool has wound in beyond the straight robot at home."""
+
 import math
 
 import numpy as np
@@ -10,7 +11,9 @@ CHANGES = ("tip_payload", "bending_stiffness", "slack")
 PLANTS = ("cable", "elastica")
 GRAVITY = dict(standing=(0, 0, -9.81), hanging=(0, 0, 9.81), horizontal=(0, -9.81, 0))
 LARGEST_BEND_RAD = 1.0  # of a section
-LARGEST_PUSH = 0.3  # of the tendons at home on a piece of rod between two disks, over the load at which it would buckle alone
+LARGEST_PUSH = (
+    0.3  # of the tendons at home on a piece of rod between two disks, over the load at which it would buckle alone
+)
 
 
 def kinds_of(sets, plants, rng):
@@ -38,15 +41,25 @@ def robot(rng):
     density = rng.uniform(1050, 1250)
     disk_mass = 1500 * math.pi * (1.15 * lever) ** 2 * 0.003 * rng.uniform(0.5, 1.5)  # some millimetres of plastic
     turn = rng.uniform(0, 2 * math.pi)
-    r = dict(mount=mount, tendons=tendons, rod_radius_m=rod_radius, density_kgpm3=density, disk_mass_kg=disk_mass,
-             spool_radius_m=rng.uniform(0.008, 0.02), tip_payload_kg=0.0, sections=[])
+    r = dict(
+        mount=mount,
+        tendons=tendons,
+        rod_radius_m=rod_radius,
+        density_kgpm3=density,
+        disk_mass_kg=disk_mass,
+        spool_radius_m=rng.uniform(0.008, 0.02),
+        tip_payload_kg=0.0,
+        sections=[],
+    )
     r["gravity_mps2"] = tilted(GRAVITY[mount], rng.normal(0, 0.01, 2))
     pull = rng.uniform(0.5, 0.8)  # of a tendon at home, times its lever, over the moment that bends a section by 1 rad
     for k, its in enumerate(lengths):
         through = (count - k) * (3 if tendons == "3" else 4)
         fewest = math.sqrt(through * pull * its / (math.pi**2 * lever * LARGEST_PUSH))
         disks = int(rng.integers(2, 5))
-        r["sections"].append(dict(length_m=its, disks=max(disks, math.ceil(fewest)), holes=holes(tendons, turn, k, lever)))
+        disks = min(4, max(disks, math.ceil(fewest)))
+        pull = min(pull, pull * (disks / fewest) ** 2)
+        r["sections"].append(dict(length_m=its, disks=disks, holes=holes(tendons, turn, k, lever)))
     elastic(r, pull, rng)
     return r
 
@@ -71,10 +84,11 @@ def holes(tendons, turn, section, lever):
 def elastic(r, pull, rng):
     """Stiffness of rod and tendons and the pull at home, relative to the robot's weight and size."""
     length = sum(s["length_m"] for s in r["sections"])
-    heavy = log_uniform(rng, *((0.4, 1.2) if r["mount"] == "standing" else (0.6, 2.5)))  # weight length^2 / bending stiffness
+    # Weight length^2 / bending stiffness; a standing rod would buckle at 7.8 without its tendons.
+    heavy = log_uniform(rng, *((0.6, 2.0) if r["mount"] == "standing" else (1.0, 4.0)))
     EI = 9.81 * mass(r) * length**2 / heavy
     for s in r["sections"]:
-        s["youngs_modulus_Pa"] = EI * rng.uniform(0.85, 1.15) / (math.pi * r["rod_radius_m"]**4 / 4)
+        s["youngs_modulus_Pa"] = EI * rng.uniform(0.85, 1.15) / (math.pi * r["rod_radius_m"] ** 4 / 4)
     section, lever = length / len(r["sections"]), r["sections"][0]["holes"][0][1]
     r["tautness"] = log_uniform(rng, 2, 8)  # stiffness of a tendon at its lever over that of a section
     r["tendon_stiffness_Npm"] = r["tautness"] * EI / (lever**2 * section)
@@ -85,7 +99,7 @@ def elastic(r, pull, rng):
 
 def mass(r):
     """Of rod and disks."""
-    rod = math.pi * r["rod_radius_m"]**2 * r["density_kgpm3"] * sum(s["length_m"] for s in r["sections"])
+    rod = math.pi * r["rod_radius_m"] ** 2 * r["density_kgpm3"] * sum(s["length_m"] for s in r["sections"])
     return rod + r["disk_mass_kg"] * sum(s["disks"] for s in r["sections"]) + r["tip_payload_kg"]
 
 
@@ -101,8 +115,8 @@ def motors_of(r):
 
 
 def postures(r, rng, count):
-    """count x motors angles of spools [rad]: home, then random bends of every section through the whole range, each tendon
-    wound by what these take off its way and by what its stretch takes."""
+    """count x motors angles of spools [rad]: home, then random bends of every section through the whole range, each
+    tendon wound by what these take off its way and by what its stretch takes."""
     motors = motors_of(r)
     angles = np.zeros((count, 1 + max(m for m, _ in motors)))
     for row in angles[1:]:
@@ -114,7 +128,10 @@ def postures(r, rng, count):
             for angle, lever in s["holes"]:
                 motor, sign = motors[tendon]
                 if sign > 0:
-                    pull = sum(b * math.cos(way - angle) * (stretch if i == k else 1) for i, (b, way) in enumerate(bends[:k + 1]))
+                    pull = sum(
+                        b * math.cos(way - angle) * (stretch if i == k else 1)
+                        for i, (b, way) in enumerate(bends[: k + 1])
+                    )
                     row[motor] = (lever * pull + tensed[k]) / r["spool_radius_m"]
                 tendon += 1
     return angles
@@ -150,19 +167,29 @@ def changed(r, what):
 
 
 def rods(r):
-    """Of each section: bending, torsional and axial stiffness and mass per length. A change of bending stiffness leaves the
-    others: a split sleeve, a wire more along the axis. The rod is round, and without Poisson's effect its shear modulus is half
-    of Young's, so that it twists as easily as it bends."""
+    """Of each section: bending, torsional and axial stiffness and mass per length. A change of bending stiffness leaves
+    the others: a split sleeve, a wire more along the axis. The rod is round, and without Poisson's effect its shear
+    modulus is half of Young's, so that it twists as easily as it bends."""
     out = []
     for s in r["sections"]:
-        area, second = math.pi * r["rod_radius_m"]**2, math.pi * r["rod_radius_m"]**4 / 4
+        area, second = math.pi * r["rod_radius_m"] ** 2, math.pi * r["rod_radius_m"] ** 4 / 4
         EI = s["youngs_modulus_Pa"] * second
-        out.append(dict(bending_Nm2=EI * s.get("bending_scale", 1), torsion_Nm2=EI, axial_N=s["youngs_modulus_Pa"] * area,
-                        mass_kgpm=r["density_kgpm3"] * area))
+        out.append(
+            dict(
+                bending_Nm2=EI * s.get("bending_scale", 1),
+                torsion_Nm2=EI,
+                axial_N=s["youngs_modulus_Pa"] * area,
+                mass_kgpm=r["density_kgpm3"] * area,
+            )
+        )
     return out
 
 
 def pulls(r, angles):
     """postures x tendons: how much shorter each tendon is at rest than its way along the straight robot [m]."""
-    return np.array([[r["home_m"][j] + sign * r["spool_radius_m"] * row[motor] for j, (motor, sign) in enumerate(motors_of(r))]
-                     for row in angles])
+    return np.array(
+        [
+            [r["home_m"][j] + sign * r["spool_radius_m"] * row[motor] for j, (motor, sign) in enumerate(motors_of(r))]
+            for row in angles
+        ]
+    )

@@ -1,24 +1,29 @@
-"""A tendon robot in MuJoCo: a cable of rigid pieces joined by elastic ball joints and slides, disks on it, spatial tendons
-through their holes that are springs with a dead band, MuJoCo's own tendon which pulls only.
+"""A tendon robot in MuJoCo: a cable of rigid pieces joined by elastic ball joints and slides, disks on it, spatial
+tendons through their holes that are springs with a dead band, MuJoCo's own tendon which pulls only.
 
-MuJoCo's plugin for cables went with version 4; its pieces and joints are these. A ball joint resists bending and twist alike, as
-a round rod without Poisson's effect does. Each joint lies in the middle of the piece of rod that it stands for and the order of
-slide and ball changes from joint to joint, so that the error falls with the square of the pieces. Equilibria by Newton on
-MuJoCo's own forces, its energy deciding how far each step goes."""
+MuJoCo's plugin for cables went with version 4; its pieces and joints are these. A ball joint resists bending and twist
+alike, as a round rod without Poisson's effect does. Each joint lies in the middle of the piece of rod that it stands
+for and the order of slide and ball changes from joint to joint, so that the error falls with the square of the pieces.
+Equilibria by Newton on MuJoCo's own forces, its energy deciding how far each step goes."""
+
 import mujoco
 import numpy as np
 
 from tests.foreign import draw, tendons
 
-PIECES = 4       # of rod between two disks
+PIECES = 4  # of rod between two disks
 DIFFERENCE = 1e-6  # rad or m, of the slopes of forces
-STILL = 1e-7     # rad or m: a Newton step that ends the search
+STILL = 1e-7  # rad or m: a Newton step that ends the search
 
 
 def rows_of(robot, pieces):
     """(length, rod, mass at its end, number of the disk there or None) of every piece, base to tip."""
     rods, out, disk = draw.rods(robot), [], -1
-    spans = [(s["length_m"] / s["disks"] / pieces, rods[k]) for k, s in enumerate(robot["sections"]) for _ in range(s["disks"] * pieces)]
+    spans = [
+        (s["length_m"] / s["disks"] / pieces, rods[k])
+        for k, s in enumerate(robot["sections"])
+        for _ in range(s["disks"] * pieces)
+    ]
     for n, (h, rod) in enumerate(spans):
         after = spans[n + 1] if n + 1 < len(spans) else (0.0, rod)
         weight = (rod["mass_kgpm"] * h + after[1]["mass_kgpm"] * after[0]) / 2
@@ -33,22 +38,37 @@ def xml(robot, pieces):
     routes = tendons.routes(robot)
 
     def sites(disk):
-        return "".join(f'<site name="s{disk}_{j}" pos="{x:.15g} {y:.15g} 0"/>' for j, ((x, y), last) in enumerate(routes) if disk <= last)
+        return "".join(
+            f'<site name="s{disk}_{j}" pos="{x:.15g} {y:.15g} 0"/>'
+            for j, ((x, y), last) in enumerate(routes)
+            if disk <= last
+        )
+
     g = " ".join(f"{x:.15g}" for x in robot["gravity_mps2"])
-    text = (f'<mujoco><compiler angle="radian" inertiafromgeom="false"/><option gravity="{g}"><flag energy="enable" contact="disable"/>'
-            f'</option><worldbody>{sites(-1)}')
+    text = (
+        f'<mujoco><compiler angle="radian" inertiafromgeom="false"/><option gravity="{g}">'
+        '<flag energy="enable" contact="disable"/>'
+        f"</option><worldbody>{sites(-1)}"
+    )
     rows = rows_of(robot, pieces)
     for n, (h, rod, weight, disk) in enumerate(rows):
         inertia = weight * 1e-4  # of no account at rest
-        joints = [f'<joint type="slide" axis="0 0 1" stiffness="{rod["axial_N"] / h:.15g}"/>',
-                  f'<joint type="ball" pos="0 0 {-h / 2:.15g}" stiffness="{rod["bending_Nm2"] / h:.15g}"/>']
-        text += (f'<body name="b{n}" pos="0 0 {h:.15g}"><inertial pos="0 0 0" mass="{weight:.15g}" '
-                 f'diaginertia="{inertia:g} {inertia:g} {inertia:g}"/>' + "".join(joints[::-1 if n % 2 else 1])
-                 + (sites(disk) if disk is not None else ""))
+        joints = [
+            f'<joint type="slide" axis="0 0 1" stiffness="{rod["axial_N"] / h:.15g}"/>',
+            f'<joint type="ball" pos="0 0 {-h / 2:.15g}" stiffness="{rod["bending_Nm2"] / h:.15g}"/>',
+        ]
+        text += (
+            f'<body name="b{n}" pos="0 0 {h:.15g}"><inertial pos="0 0 0" mass="{weight:.15g}" '
+            f'diaginertia="{inertia:g} {inertia:g} {inertia:g}"/>'
+            + "".join(joints[:: -1 if n % 2 else 1])
+            + (sites(disk) if disk is not None else "")
+        )
     text += "</body>" * len(rows) + "</worldbody><tendon>"
     for j, (_, last) in enumerate(routes):
         way = "".join(f'<site site="s{d}_{j}"/>' for d in range(-1, last + 1))
-        text += f'<spatial name="t{j}" stiffness="{robot["tendon_stiffness_Npm"]:.15g}" springlength="0 1">{way}</spatial>'
+        text += (
+            f'<spatial name="t{j}" stiffness="{robot["tendon_stiffness_Npm"]:.15g}" springlength="0 1">{way}</spatial>'
+        )
     return text + "</tendon></mujoco>"
 
 
@@ -92,7 +112,7 @@ class Cable:
                 more = max(1e-4, 4 * more)
         way = np.linalg.solve(slope + more * np.diag(np.abs(slope.diagonal())), force)
         here, size = self.energy(q), np.abs(way).max()
-        share = min(1.0, 0.3 / size)
+        share = 0.3 / max(0.3, size)
         while share > 1e-6:
             there = self.moved(q, share * way)
             if size < 1e-4 or self.energy(there) <= here - 1e-4 * share * (way @ force):

@@ -1,5 +1,7 @@
-"""Elastic tendons that pull and never push, through holes of the disks without friction: what both plants share. A tendon begins
-at the base plate, runs straight from disk to disk, and ends at its section's last disk. Disks count from 0, base to tip."""
+"""Elastic tendons that pull and never push, through holes of the disks without friction: what both plants share. A
+tendon begins at the base plate, runs straight from disk to disk, and ends at its section's last disk. Disks count from
+0, base to tip."""
+
 import numpy as np
 
 
@@ -22,11 +24,12 @@ def routes(robot):
 
 
 def ways(robot, p, R):
-    """Of each tendon the points that it passes, base first; p, R: the disks' positions (D x 3) and rotations (D x 3 x 3)."""
+    """Of each tendon the points that it passes, base first; p, R: the disks' positions (D x 3) and rotations (D x 3 x
+    3)."""
     out = []
     for (x, y), last in routes(robot):
         hole = np.array([x, y, 0.0])
-        out.append(np.vstack([hole, p[:last + 1] + R[:last + 1] @ hole]))
+        out.append(np.vstack([hole, p[: last + 1] + R[: last + 1] @ hole]))
     return out
 
 

@@ -285,6 +285,46 @@ TEST_F(ImportTest, MarkersOnDisksAreInTheBaseFrameLikeTheTip) {
               HasSubstr("frame.origin"));
 }
 
+TEST_F(ImportTest, DisksMayHaveOrientations) {
+  const std::string columns = "time: {column: t}\ncolumns:\n  motor_position: {names: [a, b, c]}\n";
+  const DataSet set =
+      Import(columns + "  disk_orientations: {order: xyzw, 1: [x1, y1, z1, w1], 3: [x3, y3, z3, w3]}\n" +
+                 "frame: {axes: [x, z, -y]}\n",
+             "t,a,b,c,x1,y1,z1,w1,x3,y3,z3,w3\n0,1,2,3,0,0,0,1,0,0,1,0\n1,1,2,3,0,0,0,2,0,0,,1\n");
+  const gap::Run& run = set.runs.at(0);
+  ASSERT_EQ(run.disk_quaternion.cols(), 4 * robot_.body.disks());
+  const double half = std::sqrt(0.5);  // the table's frame lies turned by -90 deg about x
+  EXPECT_TRUE(
+      run.disk_quaternion.row(0).segment<4>(0).isApprox(Eigen::RowVector4d(half, -half, 0, 0), 1e-12));
+  EXPECT_TRUE(run.disk_quaternion.row(0).segment<4>(8).isApprox(Eigen::RowVector4d(0, 0, half, half), 1e-12))
+      << run.disk_quaternion.row(0);
+  EXPECT_TRUE(run.disk_quaternion.row(0).segment<4>(4).array().isNaN().all());
+  EXPECT_TRUE(run.disk_quaternion.row(1).array().isNaN().all());  // not of unit length; a reading that lacks
+  ASSERT_EQ(run.warnings.size(), 1u);
+  EXPECT_THAT(run.warnings.front(), HasSubstr("1 orientation is no rotation"));
+
+  // At rest the sensors show how they are mounted.
+  const gap::Run rest =
+      Import(columns + "  disk_orientations: {kind: euler, order: zyx, unit: deg, 2: [r, p, y]}\n" +
+                 "frame: {origin: rest}\n",
+             "t,a,b,c,r,p,y\n0,1,2,3,90,0,0\n1,1,2,3,90,0,10\n")
+          .runs.at(0);
+  EXPECT_TRUE(rest.disk_quaternion.row(0).segment<4>(4).isApprox(Eigen::RowVector4d(1, 0, 0, 0), 1e-12));
+  const double five = 5 * std::numbers::pi / 180;
+  EXPECT_NEAR(rest.disk_quaternion(1, 4), std::cos(five), 1e-12);
+
+  const std::string map = "time: {column: t}\ncolumns: {disk_orientations: ";
+  EXPECT_THAT(Refusal(map + "{9: [w, x, y, z]}}\n", "t,w,x,y,z\n0,1,0,0,0\n"),
+              HasSubstr("columns.disk_orientations"));
+  EXPECT_THAT(Refusal(map + "{1: [w, x, y]}}\n", "t,w,x,y,z\n0,1,0,0,0\n"),
+              HasSubstr("columns.disk_orientations.1"));
+  EXPECT_THAT(Refusal(map + "{kind: euler, 1: [x, y, z]}}\n", "t,w,x,y,z\n0,1,0,0,0\n"),
+              HasSubstr("columns.disk_orientations.order"));
+  EXPECT_THAT(Refusal(map + "{order: wxyz}}\n", "t,w,x,y,z\n0,1,0,0,0\n"), HasSubstr("names no disk"));
+  EXPECT_THAT(Refusal(map + "{1: [w, x, y, z], 2: [w, x, y, z]}}\n", "t,w,x,y,z\n0,1,0,0,0\n1,1,0,0,0\n"),
+              HasSubstr("'w' stands for two numbers of disk_orientations"));
+}
+
 TEST_F(ImportTest, MillimetresTakenForMetresAreNoticed) {
   std::string table = "t,x,y,z\n";
   for (int i = 0; i < 200; ++i)
@@ -302,11 +342,11 @@ TEST_F(ImportTest, NoBytesCrashMapOrTable) {
   const std::string map((std::istreambuf_iterator<char>(in)), {});
   const std::string table =
       "timestamp,label,i_cmd_1,i_cmd_2,i_cmd_3,i_1,i_2,i_3,enc_1,enc_2,enc_3,cell_1,cell_3,X,Y,Z,X1,Y1,Z1,qx,"
-      "qy,qz,qw,theta,phi\n"
-      "1,rep1_a,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2\n"
-      "2,rep1_a,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2\n"
-      "3,rep1_b,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2\n"
-      "4,rep1_b,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2\n";
+      "qy,qz,qw,theta,phi,yaw1,pitch1,roll1\n"
+      "1,rep1_a,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2,0,1,2\n"
+      "2,rep1_a,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2,0,1,2\n"
+      "3,rep1_b,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2,0,1,2\n"
+      "4,rep1_b,1,2,3,4,5,6,7,8,9,1,2,0,0,60,0,0,15,0,0,0,1,1,2,0,1,2\n";
   ASSERT_EQ(Refusal(map, table), "");
   std::mt19937 random(3);
   const auto mutate = [&](std::string text) {

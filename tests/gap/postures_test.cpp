@@ -5,12 +5,14 @@
 #include <filesystem>
 #include <fstream>
 #include <numbers>
+#include <numeric>
 #include <random>
 
 #include "gap/implausible.h"
 #include "gap/postures/diagnose_postures.h"
 #include "gap/postures/learn_postures.h"
 #include "gap/postures/posterior.h"
+#include "gap/rotation.h"
 #include "gap/sources.h"
 #include "support/hose.h"
 #include "tendril/config/config.h"
@@ -88,8 +90,8 @@ Run Moved(const RobotParameters& robot, const std::string& name, unsigned seed, 
     run.motor_position_rad.col(j) = sign * (0.7 * (2 * std::numbers::pi * f1 * run.time_s.array()).sin() +
                                             0.5 * (2 * std::numbers::pi * f2 * run.time_s.array()).sin());
   }
-  States states{name, run.time_s, run.motor_position_rad, Eigen::MatrixXd::Zero(rows, 8), {}, 0};
-  const Postures postures{{1, 3}, {states}};
+  States states{name, run.time_s, run.motor_position_rad, Eigen::MatrixXd::Zero(rows, 8), {}, {}, 0};
+  const Postures postures{{{false, 1}, {false, 3}}, robot.body.length_m(), {states}};
   const Predicted at =
       Predict([&](const Eigen::VectorXd&) { return PostureRobot::Of(robot); }, {}, 0, postures, 2);
   EXPECT_EQ(at.unsolved, 0);
@@ -99,20 +101,51 @@ Run Moved(const RobotParameters& robot, const std::string& name, unsigned seed, 
     for (int c = 0; c < 6; ++c) slow[c] = 0.97 * slow[c] + 0.24 * 2e-4 * normal(random);
     for (int c = 0; c < 6; ++c) {
       const Eigen::Index column = (c < 3 ? 3 : 9) + c % 3;
-      run.disks_m(i, column) = at.disks_m(i, c) + slow[c] + 2e-4 * normal(random);
+      run.disks_m(i, column) = at.channels_m(i, c) + slow[c] + 2e-4 * normal(random);
     }
   }
   return run;
 }
 
-DataSet Compared(const RobotParameters& before, const RobotParameters& after) {
-  DataSet set{"after", Hose(), false, {Moved(after, "after", 2)}, {}};
-  CompareWithBefore(set, {"before", Hose(), false, {Moved(before, "before", 1)}, {}});
+/// The same with orientation sensors on disks 2 and 4 instead of markers, mounted askew, with errors of 3
+/// mrad.
+Run Turned(const RobotParameters& robot, const std::string& name, unsigned seed) {
+  const Eigen::Quaterniond mount(Rotation({0.05, -0.1, 0.2}));
+  Run run = Moved(robot, name, seed);
+  const Eigen::Index rows = run.time_s.size();
+  States states{name, run.time_s, run.motor_position_rad, Eigen::MatrixXd::Zero(rows, 8), {}, {}, 0};
+  states.quaternion = Eigen::RowVector<double, 8>(1, 0, 0, 0, 1, 0, 0, 0).replicate(rows, 1);
+  const Predicted at = Predict([&](const Eigen::VectorXd&) { return PostureRobot::Of(robot); }, {}, 0,
+                               {{{true, 1}, {true, 3}}, 1, {states}}, 2);
+  run.disks_m.resize(0, 0);
+  run.disk_quaternion = Eigen::MatrixXd::Constant(rows, 16, kNoReading);
+  std::mt19937 random(seed);
+  std::normal_distribution<double> noise(0, 3e-3);
+  for (Eigen::Index i = 0; i < rows; ++i) {
+    for (const Eigen::Index sensor : {0, 1}) {
+      const Eigen::Vector3d turn = at.channels_m.row(i).segment<3>(3 * sensor);
+      const Eigen::Vector3d error(noise(random), noise(random), noise(random));
+      Eigen::Quaterniond q = Eigen::Quaterniond(Rotation(turn)) * mount * Eigen::Quaterniond(Rotation(error));
+      if (i % 2 == 1) q.coeffs() *= -1;  // the same rotation
+      run.disk_quaternion.row(i).segment<4>(8 * sensor + 4) << q.w(), q.x(), q.y(), q.z();
+    }
+  }
+  return run;
+}
+
+using Recorded = Run (*)(const RobotParameters& robot, const std::string& name, unsigned seed);
+Run Marked(const RobotParameters& robot, const std::string& name, unsigned seed) {
+  return Moved(robot, name, seed);
+}
+
+DataSet Compared(const RobotParameters& before, const RobotParameters& after, Recorded recorded = Marked) {
+  DataSet set{"after", Hose(), false, {recorded(after, "after", 2)}, {}};
+  CompareWithBefore(set, {"before", Hose(), false, {recorded(before, "before", 1)}, {}});
   return set;
 }
 
-Diagnosis Diagnosed(const RobotParameters& after) {
-  const DataSet set = Compared(AsBuilt(), after);
+Diagnosis Diagnosed(const RobotParameters& after, Recorded recorded = Marked) {
+  const DataSet set = Compared(AsBuilt(), after, recorded);
   EXPECT_TRUE(CanDiagnosePostures(set));
   DiagnoseOptions options;
   options.threads = 2;
@@ -125,8 +158,8 @@ TEST(Postures, NumbersThatNobodyKnewAreLearned) {
   const LearnedPostures learned = LearnPostures(Hose(), PosturesOf({&run}, Hose()), true, {.threads = 2});
   EXPECT_TRUE(learned.converged);
 
-  EXPECT_LT(DiskRms(learned.held_out_m, 1), 1.2e-3);
-  EXPECT_GT(DiskRms(learned.as_filed_m, 1), 2 * DiskRms(learned.held_out_m, 1));
+  EXPECT_LT(PointRms(learned.held_out_m, 1), 1.2e-3);
+  EXPECT_GT(PointRms(learned.as_filed_m, 1), 2 * PointRms(learned.held_out_m, 1));
   const Eigen::MatrixXd covariance = learned.precision.inverse();
   for (std::size_t k = 0; k < learned.numbers.size(); ++k) {
     const PostureNumber& number = learned.numbers[k];
@@ -154,16 +187,20 @@ TEST(Postures, AreThoseOfTheSimulatorAtRest) {
   signals.motor_velocity_radps = signals.motor_acceleration_radps2 =
       Eigen::MatrixXd::Zero(states.motor_rad.rows(), 8);
   const sim::BodyMotion motion = sim::Replay(robot).Body(signals, sim::Replay::DrivenBy::kMotor);
-  ASSERT_EQ(motion.tip_m.rows(), at.disks_m.rows());
-  EXPECT_LT((motion.tip_m - at.disks_m.rightCols(3)).rowwise().norm().maxCoeff(), 3e-4);
+  ASSERT_EQ(motion.tip_m.rows(), at.channels_m.rows());
+  EXPECT_LT((motion.tip_m - at.channels_m.rightCols(3)).rowwise().norm().maxCoeff(), 3e-4);
   EXPECT_GT(motion.tip_m.col(0).maxCoeff() - motion.tip_m.col(0).minCoeff(), 0.02);
 }
 
 TEST(Postures, SlopesAreThoseOfThePrediction) {
   const RobotParameters robot = Hose();
-  const gap::Run run = Moved(robot, "run", 3, 5);
+  gap::Run run = Moved(robot, "run", 3, 5);
+  run.disk_quaternion = Eigen::MatrixXd::Constant(run.time_s.size(), 16, kNoReading);
+  run.disk_quaternion.middleCols(4, 4) =
+      Eigen::RowVector4d(1, 0.1, -0.2, 0.1).normalized().replicate(run.time_s.size(), 1);
   const Postures postures = PosturesOf({&run}, robot);
-  const std::vector<PostureNumber> numbers = PostureNumbers(robot, true);
+  ASSERT_EQ(postures.points, (std::vector<PosturePoint>{{false, 1}, {false, 3}, {true, 1}}));
+  const std::vector<PostureNumber> numbers = PostureNumbers(robot, true, postures.points);
   const PostureRobot file = PostureRobot::Of(robot);
   const RobotAt at = [&](const Eigen::VectorXd& x) { return WithNumbers(file, numbers, x); };
   const auto n = static_cast<int>(numbers.size());
@@ -173,7 +210,8 @@ TEST(Postures, SlopesAreThoseOfThePrediction) {
     ahead[k] = 2e-4;
     behind[k] = -2e-4;
     const Eigen::MatrixXd slope =
-        (Predict(at, ahead, 0, postures, 1).disks_m - Predict(at, behind, 0, postures, 1).disks_m) / 4e-4;
+        (Predict(at, ahead, 0, postures, 1).channels_m - Predict(at, behind, 0, postures, 1).channels_m) /
+        4e-4;
     const auto& found = here.slopes[static_cast<std::size_t>(k)];
     EXPECT_LT((slope - found).norm(), 0.01 * slope.norm() + 1e-6) << numbers[static_cast<std::size_t>(k)].key;
   }
@@ -196,6 +234,48 @@ TEST(Postures, APayloadIsNamedWithItsSizeOnARobotThatIsNotWhatItsFileSays) {
       std::find_if(d.location.begin(), d.location.end(), [](const auto& f) { return f.first; });
   ASSERT_NE(first, d.location.end());
   EXPECT_EQ(first->cut, sim::Cut::kShape);
+}
+
+TEST(Postures, OrientationsAloneNameAPayload) {
+  RobotParameters after = AsBuilt();
+  after.body.tip_payload_kg = 0.2;
+  const Diagnosis d = Diagnosed(after, Turned);
+  EXPECT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+  EXPECT_EQ(d.causes.front().effect, "tip_payload") << d.sentence;
+  EXPECT_GT(d.causes.front().p, 0.9);
+  const auto shape =
+      std::find_if(d.location.begin(), d.location.end(), [](const auto& f) { return f.first; });
+  ASSERT_NE(shape, d.location.end());
+  EXPECT_EQ(shape->quantity, "disk orientation");
+  EXPECT_EQ(shape->unit, "rad");
+  EXPECT_LT(shape->floor, 6e-3);
+  EXPECT_EQ(d.closures.front().channel, "turn of disk 2 about x");
+  const Diagnosis same = Diagnosed(AsBuilt(), Turned);
+  EXPECT_EQ(same.verdict, Verdict::kNoGap) << same.sentence;
+}
+
+TEST(Postures, PlacesAndTurnsTogetherSayMoreThanPlaces) {
+  const gap::Run marked = Moved(AsBuilt(), "run", 1, 40);
+  gap::Run both = Turned(AsBuilt(), "run", 1);
+  const auto uncertain = [](const gap::Run& run) {
+    const LearnedPostures learned = LearnPostures(Hose(), PosturesOf({&run}, Hose()), true, {.threads = 2});
+    for (std::size_t k = 0; k < learned.numbers.size(); ++k) {
+      if (learned.numbers[k].key != "body.sections[2].youngs_modulus_Pa") continue;
+      const auto i = static_cast<Eigen::Index>(k);
+      return std::sqrt(learned.precision.inverse()(i, i));
+    }
+    return 0.0;
+  };
+  both.disks_m = Moved(AsBuilt(), "run", 1).disks_m;
+  const std::vector<Eigen::Index> first = [] {
+    std::vector<Eigen::Index> rows(800);
+    std::iota(rows.begin(), rows.end(), 0);
+    return rows;
+  }();
+  for (Eigen::MatrixXd* values : {&both.motor_position_rad, &both.disks_m, &both.disk_quaternion})
+    *values = (*values)(first, Eigen::all).eval();
+  both.time_s = both.time_s(first).eval();
+  EXPECT_LT(uncertain(both), uncertain(marked));
 }
 
 TEST(Postures, TheSameRobotHasNoGap) {
@@ -288,7 +368,7 @@ TEST(Postures, ACalibrationWritesTheRobotThatMoved) {
       }
       continue;
     }
-    for (const PostureNumber& number : PostureNumbers(Hose(), true)) {
+    for (const PostureNumber& number : PostureNumbers(Hose(), true, {})) {
       if (number.key != c.key) continue;
       const double truth = number.value(built);
       ++file_numbers;
@@ -302,7 +382,7 @@ TEST(Postures, ACalibrationWritesTheRobotThatMoved) {
   const robot_file::RobotPatch patch =
       robot_file::PatchNumbers(config::ToYaml(Hose()), "hose.yaml", found.robot, {"calibrated"});
   for (const CalibratedNumber& c : found.numbers) {
-    for (const PostureNumber& number : PostureNumbers(patch.robot, true)) {
+    for (const PostureNumber& number : PostureNumbers(patch.robot, true, {})) {
       if (number.key != c.key || !number.value) continue;
       EXPECT_NEAR(number.value(patch.robot), c.value, 1e-9 * std::abs(c.value)) << c.key;
     }
@@ -390,7 +470,7 @@ TEST(Postures, AChangeBelowWhatMattersIsNoGap) {
 TEST(Postures, StatesAreMeansAndLeaveOutWhatWasNotRead) {
   gap::Run run = Moved(Hose(), "run", 1, 15);
   const Postures all = PosturesOf({&run}, Hose());
-  EXPECT_EQ(all.disks, (std::vector<int>{1, 3}));
+  EXPECT_EQ(all.points, (std::vector<PosturePoint>{{false, 1}, {false, 3}}));
   EXPECT_EQ(all.states(), 60);  // of a quarter of a second
   EXPECT_NEAR(all.runs[0].motor_rad(3, 0), run.motor_position_rad.col(0).segment(15, 5).mean(), 1e-12);
   run.disks_m.col(3).segment(100, 20).setConstant(kNoReading);
@@ -402,7 +482,10 @@ TEST(Postures, StatesAreMeansAndLeaveOutWhatWasNotRead) {
 }
 
 TEST(Postures, ColumnsOfDisksAreReadAsWritten) {
-  const gap::Run run = Moved(Hose(), "run", 1, 5);
+  gap::Run run = Moved(Hose(), "run", 1, 5);
+  run.disk_quaternion = Eigen::MatrixXd::Constant(run.time_s.size(), 16, kNoReading);
+  run.disk_quaternion.middleCols(4, 4).rowwise() = Eigen::RowVector4d(0.8, 0, 0.6, 0);
+  run.disk_quaternion.row(7).segment<4>(4) << 3, 0, 0, 0;
   const auto file = std::filesystem::temp_directory_path() / "tendril_postures_test.csv";
   WriteRun(run, file);
   const gap::Run back = ReadRunTable(file, Hose());
@@ -412,6 +495,12 @@ TEST(Postures, ColumnsOfDisksAreReadAsWritten) {
     EXPECT_EQ((back.disks_m.col(c) - run.disks_m.col(c)).cwiseAbs().maxCoeff(), 0) << c;
   }
   EXPECT_TRUE(back.disks_m.col(0).array().isNaN().all());
+  ASSERT_EQ(back.disk_quaternion.cols(), 16);
+  EXPECT_EQ(back.disk_quaternion.row(3).segment<4>(4), Eigen::RowVector4d(0.8, 0, 0.6, 0));
+  EXPECT_TRUE(back.disk_quaternion.row(7).array().isNaN().all());
+  ASSERT_FALSE(back.warnings.empty());
+  EXPECT_NE(back.warnings.front().find("1 orientation (disk_qw_d"), std::string::npos)
+      << back.warnings.front();
 }
 
 }  // namespace

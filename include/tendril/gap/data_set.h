@@ -39,10 +39,13 @@ struct Run {
   Eigen::MatrixXd tip_quaternion;  // S x 4: w, x, y, z
   double tip_quaternion_step =
       0;  // resolution of the quaternion's numbers in a table of few decimal places; 0: full precision
-  Eigen::MatrixXd bending_rad;        // S x 2K: (us, vs) per section, where the log has it
+  Eigen::MatrixXd bending_rad;  // S x 2K: (us, vs) per section, where the log has it
   /// S x 3D: the centre of every disk in the tracker's frame; NaN where it has no marker. Where the last
   /// disk has none, tip_m stands for it.
   Eigen::MatrixXd disks_m;
+  /// S x 4D: orientation of every disk in the tracker's frame, w, x, y, z; NaN where it has no sensor. Where
+  /// the last disk has none, tip_quaternion stands for it.
+  Eigen::MatrixXd disk_quaternion;
   std::vector<std::string> notes;     // remarks on the file, one line each
   std::vector<std::string> warnings;  // what was dropped or repaired on reading, one line each
 };

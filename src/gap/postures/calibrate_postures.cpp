@@ -79,11 +79,13 @@ class Calibrating {
   }
 
   void ListChannels() {
-    const double noise = file_.actuation->tracker ? file_.actuation->tracker->position_noise_m : 0;
+    const TrackerParameters tracker = file_.actuation->tracker.value_or(TrackerParameters{});
     for (Eigen::Index c = 0; c < learned_.held_out_m.cols(); ++c) {
-      const double held_out = ChannelRms(learned_.held_out_m, c);
-      found_.channels.push_back({postures_.ChannelName(c), "m", ChannelRms(learned_.as_filed_m, c), held_out,
-                                 noise, std::sqrt(std::max(0.0, held_out * held_out - noise * noise))});
+      const double per_unit = postures_.PerUnit(c), held_out = ChannelRms(learned_.held_out_m, c) / per_unit;
+      const double noise = postures_.IsTurn(c) ? tracker.orientation_noise_rad : tracker.position_noise_m;
+      found_.channels.push_back({postures_.ChannelName(c), postures_.UnitOf(c),
+                                 ChannelRms(learned_.as_filed_m, c) / per_unit, held_out, noise,
+                                 std::sqrt(std::max(0.0, held_out * held_out - noise * noise))});
     }
   }
 

@@ -107,7 +107,7 @@ class Searching {
  public:
   Searching(const LearnedPostures& learned, const RobotParameters& file, const Postures& after,
             const ChangeOptions& options)
-      : learned_(learned), after_(after), options_(options), measured_(after.Stacked(&States::disks_m)) {
+      : learned_(learned), after_(after), options_(options), measured_(after.Stacked(&States::seen_m)) {
     out_.changes = PostureChanges(file, options.without);
     states_ = static_cast<double>(measured_.rows()) / learned.discrepancy.states_per_independent;
   }
@@ -117,8 +117,8 @@ class Searching {
     const Eigen::VectorXd& x = learned_.x;
     begin_ = PointAt(nullptr, x, nothing);
     const Point& at = begin_;
-    out_.before_m = measured_ - at.predicted.disks_m;
-    out_.as_filed_m = measured_ - At(nullptr, Eigen::VectorXd::Zero(x.size()), nothing, 0).disks_m;
+    out_.before_m = measured_ - at.predicted.channels_m;
+    out_.as_filed_m = measured_ - At(nullptr, Eigen::VectorXd::Zero(x.size()), nothing, 0).channels_m;
     const Normal numbers = NormalAt(at, x, nothing);
     Screen(at, numbers);
     none_ = Refined(nullptr, x, nothing);
@@ -191,7 +191,7 @@ class Searching {
 
   Point PointAt(const PostureChange* change, const Eigen::VectorXd& x, const Eigen::VectorXd& z) const {
     Point point{At(change, x, z, x.size() + z.size()), {}, {}};
-    point.residual = learned_.discrepancy.Whitened(measured_ - point.predicted.disks_m);
+    point.residual = learned_.discrepancy.Whitened(measured_ - point.predicted.channels_m);
     point.J = learned_.discrepancy.Whitened(point.predicted.slopes);
     return point;
   }
@@ -335,7 +335,7 @@ class Searching {
   /// Infinite where there is no such robot.
   double SquaresAt(const PostureChange* change, const Eigen::VectorXd& x, const Eigen::VectorXd& z) const {
     try {
-      return Squares(learned_.discrepancy.Whitened(measured_ - At(change, x, z, 0).disks_m), x, z);
+      return Squares(learned_.discrepancy.Whitened(measured_ - At(change, x, z, 0).channels_m), x, z);
     } catch (const std::invalid_argument&) {
       return std::numeric_limits<double>::infinity();
     }
@@ -371,7 +371,7 @@ class Searching {
       return its;
     };
     const Predicted here = Predict(robot, z, static_cast<int>(m), after_, options_.threads);
-    at.residual = learned_.discrepancy.Whitened(measured_ - here.disks_m);
+    at.residual = learned_.discrepancy.Whitened(measured_ - here.channels_m);
     if (m > 0) at.J.rightCols(m) = learned_.discrepancy.Whitened(here.slopes);
   }
 
@@ -390,22 +390,22 @@ class Searching {
       log_occam = LogOccam(inverse.bottomRightCorner(m, m).inverse()) + change->LogOneSided();
     }
     fit.log_evidence = LogEvidence(squares, log_occam);
-    if (change != nullptr) fit.moves = Moves(at.predicted.disks_m - At(nullptr, x, {}, 0).disks_m);
+    if (change != nullptr) fit.moves = Moves(at.predicted.channels_m - At(nullptr, x, {}, 0).channels_m);
     fit.held_out_m = HeldOut(at, normal);
     return fit;
   }
 
-  /// The largest rms move of a disk, over the least that matters.
+  /// The largest rms move of a point, over the least that matters.
   double Moves(const Eigen::MatrixXd& moved_m) const {
     double most = 0;
-    for (int d = 0; d < static_cast<int>(after_.disks.size()); ++d)
-      most = std::max(most, DiskRms(moved_m, d) / LeastThatMatters(learned_, d, options_.delta_m));
+    for (int p = 0; p < static_cast<int>(after_.points.size()); ++p)
+      most = std::max(most, PointRms(moved_m, p) / LeastThatMatters(learned_, p, options_.delta_m));
     return most;
   }
 
   /// Each quarter with the numbers and parameters that the others give, one step from the common maximum.
   Eigen::MatrixXd HeldOut(const Point& at, const Normal& normal) const {
-    Eigen::MatrixXd left = measured_ - at.predicted.disks_m;
+    Eigen::MatrixXd left = measured_ - at.predicted.channels_m;
     const Eigen::Index channels = measured_.cols();
     for (int quarter = 0; quarter < kQuarters; ++quarter) {
       const auto [first, count] = QuarterOf(quarter, measured_.rows());
@@ -500,9 +500,9 @@ std::vector<PostureChange> PostureChanges(const RobotParameters& robot,
   return changes;
 }
 
-double LeastThatMatters(const LearnedPostures& learned, int disk, double delta_m) {
+double LeastThatMatters(const LearnedPostures& learned, int point, double delta_m) {
   constexpr double kOfFloor = 0.5;
-  return std::max(delta_m, kOfFloor * learned.Floor(disk));
+  return std::max(delta_m, kOfFloor * learned.Floor(point));
 }
 
 ChangeSearch SearchChange(const LearnedPostures& learned, const RobotParameters& file, const Postures& after,

@@ -39,7 +39,7 @@ struct ChangeFit {
   Eigen::VectorXd z;  // parameters at the maximum, in prior deviations
   double log_evidence = 0;
   Eigen::MatrixXd covariance;  // of z, the numbers being as uncertain as they are
-  double moves = 0;            // largest rms move of a disk by the change, over the least that matters there
+  double moves = 0;            // largest rms move of a point by the change, over the least that matters there
   Eigen::MatrixXd held_out_m;  // measured less predicted, each quarter with what the others give
   bool refined = false;        // false: one step from no change, without the two before
 };
@@ -55,16 +55,17 @@ struct ChangeSearch {
 
 struct ChangeOptions {
   int refits = 6;
-  double delta_m = 0;                  // moves of a disk that do not matter; 0: see LeastThatMatters
+  double delta_m = 0;                  // moves of a point that do not matter; 0: see LeastThatMatters
   std::vector<std::string> without{};  // effects that are no hypotheses
   int threads = 1;
   std::function<void(double)> progress{};
 };
 
-/// Rms move of a disk (from 0, of those seen) that matters [m]: `delta_m`, and at least a share of the floor.
-double LeastThatMatters(const LearnedPostures& learned, int disk, double delta_m);
+/// Rms move of a point (from 0) that matters [m]: `delta_m`, and at least a share of the floor. Of a turn by
+/// as much as moves the end of a straight body by that.
+double LeastThatMatters(const LearnedPostures& learned, int point, double delta_m);
 
-/// `after`: its disks are those of the states that `learned` was inferred from.
+/// `after`: its points are those of the states that `learned` was inferred from.
 ChangeSearch SearchChange(const LearnedPostures& learned, const RobotParameters& file, const Postures& after,
                           const ChangeOptions& options);
 

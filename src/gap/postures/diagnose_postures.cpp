@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <numbers>
 #include <utility>
 
 #include "../interval.h"
@@ -41,7 +43,7 @@ class Diagnosing {
   Diagnosis Result() {
     before_ = PosturesOf(RunsOf(set_, true), set_.robot);
     after_ = PosturesOf(RunsOf(set_, false), set_.robot);
-    KeepCommonDisks();
+    KeepCommonPoints();
     learned_ = LearnPostures(set_.robot, before_, !set_.fit_frame,
                              {threads_, Stage("learning the robot from the runs before the change")});
     search_ = SearchChange(
@@ -67,21 +69,14 @@ class Diagnosing {
   }
 
   /// Those that the runs before and after show.
-  void KeepCommonDisks() {
-    std::vector<int> both;
-    std::set_intersection(before_.disks.begin(), before_.disks.end(), after_.disks.begin(),
-                          after_.disks.end(), std::back_inserter(both));
+  void KeepCommonPoints() {
+    std::vector<PosturePoint> both;
+    std::set_intersection(before_.points.begin(), before_.points.end(), after_.points.begin(),
+                          after_.points.end(), std::back_inserter(both));
     if (both.empty())
       throw std::runtime_error("the runs before and after show no common disk; accepted: the same markers");
-    for (Postures* postures : {&before_, &after_}) {
-      std::vector<Eigen::Index> columns;
-      for (std::size_t p = 0; p < postures->disks.size(); ++p) {
-        if (!std::binary_search(both.begin(), both.end(), postures->disks[p])) continue;
-        for (Eigen::Index i = 0; i < 3; ++i) columns.push_back(3 * static_cast<Eigen::Index>(p) + i);
-      }
-      for (States& run : postures->runs) run.disks_m = run.disks_m(Eigen::all, columns).eval();
-      postures->disks = both;
-    }
+    before_.Keep(both);
+    after_.Keep(both);
   }
 
   void Provenance() {
@@ -122,20 +117,22 @@ class Diagnosing {
       d_.location.push_back(f);
     }
     bool first = true;
-    for (int p = 0; p < static_cast<int>(before_.disks.size()); ++p) {
+    for (int p = 0; p < static_cast<int>(before_.points.size()); ++p) {
+      const PosturePoint& point = before_.points[static_cast<std::size_t>(p)];
+      const double per_unit = before_.PerUnit(3 * p);
       CutFinding f;
       f.cut = sim::Cut::kShape;
-      f.where = WhereOf(before_.disks[static_cast<std::size_t>(p)]);
-      f.quantity = "disk position";
-      f.unit = "m";
-      f.rms = DiskRms(search_.before_m, p);
-      f.floor = learned_.Floor(p);
-      f.excess_sigma = Excess(learned_, search_.before_m, p) / f.floor;
-      f.delta = LeastThatMatters(learned_, p, options_.delta_m);
+      f.where = WhereOf(point.disk);
+      f.quantity = point.turn ? "disk orientation" : "disk position";
+      f.unit = before_.UnitOf(3 * p);
+      f.rms = PointRms(search_.before_m, p) / per_unit;
+      f.floor = learned_.Floor(p) / per_unit;
+      f.excess_sigma = Excess(learned_, search_.before_m, p) / learned_.Floor(p);
+      f.delta = LeastThatMatters(learned_, p, options_.delta_m) / per_unit;
       f.p_value = posterior_.none;
       f.excess = posterior_.none < 0.5 && HasExcess(learned_, search_.before_m, p, options_.delta_m);
       f.first = f.excess && std::exchange(first, false);
-      d_.delta_m = std::max(d_.delta_m, f.delta);
+      if (!point.turn) d_.delta_m = std::max(d_.delta_m, f.delta);
       d_.location.push_back(f);
     }
     CutFinding motion;
@@ -245,13 +242,13 @@ class Diagnosing {
         d_.verdict == Verdict::kNoGap || best.size() == 0 ? search_.before_m : best;
     for (Eigen::Index c = 0; c < after.cols(); ++c) {
       d_.closures.push_back({.channel = before_.ChannelName(c),
-                             .unit = "m",
+                             .unit = before_.UnitOf(c),
                              .cut = sim::Cut::kShape,
-                             .before_rms = ChannelRms(search_.before_m, c),
-                             .after_rms = ChannelRms(after, c),
-                             .floor_rms = ChannelRms(learned_.held_out_m, c),
+                             .before_rms = ChannelRms(search_.before_m, c) / before_.PerUnit(c),
+                             .after_rms = ChannelRms(after, c) / before_.PerUnit(c),
+                             .floor_rms = ChannelRms(learned_.held_out_m, c) / before_.PerUnit(c),
                              .closed = std::nullopt,
-                             .as_filed_rms = ChannelRms(search_.as_filed_m, c)});
+                             .as_filed_rms = ChannelRms(search_.as_filed_m, c) / before_.PerUnit(c)});
     }
   }
 
@@ -269,11 +266,10 @@ class Diagnosing {
         "neither torques nor tensions: drives, drivetrains and tendons (C1 to C3) cannot be judged, mistakes "
         "of measurement were not searched for, and loads are relative to the robot's own weight and "
         "stiffness");
-    d_.degradations.push_back(
-        fmt::format("the robot as learned from the runs before misses its disks by {} mm in states that it "
-                    "was not fitted to: "
-                    "the floor",
-                    FloorText()));
+    d_.degradations.push_back(fmt::format(
+        "the robot as learned from the runs before misses its disks by {} in states that it was not "
+        "fitted to: the floor",
+        FloorText()));
     d_.degradations.push_back("its numbers furthest from the file: " + NumbersMoved());
     for (const Postures* postures : {&before_, &after_}) {
       for (std::string& line : postures->Lost()) d_.degradations.push_back(std::move(line));
@@ -300,11 +296,19 @@ class Diagnosing {
     return text;
   }
 
+  /// "1.4 / 3.8 mm and 1.2 deg".
   std::string FloorText() const {
-    std::string text;
-    for (int p = 0; p < static_cast<int>(before_.disks.size()); ++p)
-      text += fmt::format("{}{:.1f}", p > 0 ? " / " : "", 1e3 * learned_.Floor(p));
-    return text;
+    std::string places, turns;
+    for (int p = 0; p < static_cast<int>(before_.points.size()); ++p) {
+      const bool turn = before_.IsTurn(3 * p);
+      std::string& text = turn ? turns : places;
+      const double floor = learned_.Floor(p) / before_.PerUnit(3 * p);
+      text += fmt::format("{}{:.1f}", text.empty() ? "" : " / ",
+                          turn ? floor * 180 / std::numbers::pi : 1e3 * floor);
+    }
+    if (!places.empty()) places += " mm";
+    if (!turns.empty()) turns += " deg";
+    return places + (places.empty() || turns.empty() ? "" : " and ") + turns;
   }
 
   Diagnosis d_;

@@ -43,9 +43,9 @@ class Learning {
  public:
   Learning(const RobotParameters& file, const Postures& postures, bool frame_is_known,
            const LearnPosturesOptions& options)
-      : postures_(postures), options_(options), measured_(postures.Stacked(&States::disks_m)) {
+      : postures_(postures), options_(options), measured_(postures.Stacked(&States::seen_m)) {
     out_.file = PostureRobot::Of(file);
-    out_.numbers = PostureNumbers(file, frame_is_known);
+    out_.numbers = PostureNumbers(file, frame_is_known, postures.points);
     const auto n = static_cast<Eigen::Index>(out_.numbers.size());
     out_.x = Eigen::VectorXd::Zero(n);
     prior_.resize(n);
@@ -64,7 +64,7 @@ class Learning {
           measured_.rows(), kLeastPostures));
     }
     now_ = At(out_.x);
-    out_.as_filed_m = measured_ - now_.disks_m;
+    out_.as_filed_m = measured_ - now_.channels_m;
     Settle(kMostSteps, true);
     // The first discrepancy is that of numbers weighted channel by channel, the second of those reported.
     for (int round = 0; round < 2; ++round) {
@@ -104,7 +104,7 @@ class Learning {
   Normal NormalAt(const Predicted& at, const Eigen::VectorXd& x) const {
     Eigen::MatrixXd J = noise_.Whitened(at.slopes);
     J.middleRows(without_.first * measured_.cols(), without_.count * measured_.cols()).setZero();
-    Normal normal{J.transpose() * J, J.transpose() * Residual(at.disks_m) - prior_.cwiseProduct(x)};
+    Normal normal{J.transpose() * J, J.transpose() * Residual(at.channels_m) - prior_.cwiseProduct(x)};
     normal.A.diagonal() += prior_;
     return normal;
   }
@@ -126,7 +126,7 @@ class Learning {
   }
 
   void FollowDiscrepancy() {
-    const Eigen::MatrixXd left = measured_ - now_.disks_m;
+    const Eigen::MatrixXd left = measured_ - now_.channels_m;
     const Eigen::VectorXd variance =
         left.colwise().squaredNorm().transpose() / static_cast<double>(left.rows());
     noise_.covariance = variance.cwiseMax(kFinest_m * kFinest_m).asDiagonal();
@@ -138,14 +138,14 @@ class Learning {
     constexpr int kAttempts = 10;
     constexpr double kLess = 4, kMore = 6, kLeast = 1e-7;  // damping after a good step and a bad one
     constexpr double kKept = 0.75, kBroken = 0.25;
-    const double cost = Cost(now_.disks_m, out_.x);
+    const double cost = Cost(now_.channels_m, out_.x);
     for (int attempt = 0; attempt < kAttempts; ++attempt, damping = std::max(kLeast, damping) * kMore) {
       Eigen::MatrixXd damped = normal.A;
       damped.diagonal() *= 1 + damping;
       const Eigen::VectorXd way = damped.ldlt().solve(normal.b), x = out_.x + way;
       const double promised = way.dot(normal.b) - 0.5 * way.dot(normal.A * way);
       try {
-        const double gained = cost - Cost(At(x, false).disks_m, x);
+        const double gained = cost - Cost(At(x, false).channels_m, x);
         if (!(gained > 0)) continue;
         now_ = At(x);
         out_.x = x;
@@ -162,13 +162,13 @@ class Learning {
   void HoldOut() {
     const Eigen::VectorXd x = out_.x;
     const Predicted at_all = now_;
-    fitted_m_ = measured_ - now_.disks_m;
+    fitted_m_ = measured_ - now_.channels_m;
     out_.held_out_m = fitted_m_;
     for (int quarter = 0; quarter < kQuarters; ++quarter) {
       without_ = QuarterOf(quarter, measured_.rows());
       Settle(kHeldOutSteps, false);
       out_.held_out_m.middleRows(without_.first, without_.count) =
-          (measured_ - now_.disks_m).middleRows(without_.first, without_.count);
+          (measured_ - now_.channels_m).middleRows(without_.first, without_.count);
       without_ = {};
       out_.x = x;
       now_ = at_all;
@@ -258,10 +258,10 @@ Eigen::MatrixXd Discrepancy::Whitened(const std::vector<Eigen::MatrixXd>& slopes
   return all;
 }
 
-double LearnedPostures::Floor(int disk) const { return DiskRms(held_out_m, disk); }
+double LearnedPostures::Floor(int point) const { return PointRms(held_out_m, point); }
 
-double DiskRms(const Eigen::MatrixXd& residuals_m, int disk) {
-  return std::sqrt(residuals_m.middleCols(3 * disk, 3).squaredNorm() /
+double PointRms(const Eigen::MatrixXd& residuals_m, int point) {
+  return std::sqrt(residuals_m.middleCols(3 * point, 3).squaredNorm() /
                    static_cast<double>(residuals_m.rows()));
 }
 

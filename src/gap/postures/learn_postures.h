@@ -24,10 +24,10 @@ StateRange QuarterOf(int quarter, Eigen::Index states);
 
 /// The error of the best model of this kind, as a random function of state and time.
 struct Discrepancy {
-  Eigen::MatrixXd covariance;         // 3P x 3P of one state [m^2]
+  Eigen::MatrixXd covariance;         // C x C of one state [m^2]
   double states_per_independent = 1;  // integrated autocorrelation time, in states
 
-  /// S x 3P residuals -> values that are independent and of unit variance under this discrepancy, state by
+  /// S x C residuals -> values that are independent and of unit variance under this discrepancy, state by
   /// state.
   Eigen::VectorXd Whitened(const Eigen::MatrixXd& residuals) const;
   /// The same of several derivatives, a column each.
@@ -47,12 +47,12 @@ struct LearnedPostures {
   bool converged = false;
 
   PostureRobot RobotAt(const Eigen::VectorXd& changes) const { return WithNumbers(file, numbers, changes); }
-  /// Rms distance that the learned robot misses a disk by (from 0, of those seen), held out [m].
-  double Floor(int disk) const;
+  /// Rms distance that the learned robot misses a point by (from 0), held out [m].
+  double Floor(int point) const;
 };
 
-/// Rms distance of a disk (from 0, of those seen) over the rows of S x 3P residuals [m].
-double DiskRms(const Eigen::MatrixXd& residuals_m, int disk);
+/// Rms distance of a point (from 0) over the rows of S x C residuals [m].
+double PointRms(const Eigen::MatrixXd& residuals_m, int point);
 /// Of one channel, rms of the same.
 double ChannelRms(const Eigen::MatrixXd& residuals_m, Eigen::Index channel);
 

@@ -25,7 +25,8 @@ constexpr double kGuessed = 0.5, kGuessed_rad = 0.5;  // of one whose frame was 
 
 class Listing {
  public:
-  Listing(const RobotParameters& robot, bool frame_is_known) : robot_(robot), known_(frame_is_known) {}
+  Listing(const RobotParameters& robot, bool frame_is_known, const std::vector<PosturePoint>& points)
+      : robot_(robot), known_(frame_is_known), points_(points) {}
 
   std::vector<PostureNumber> All() {
     for (std::size_t k = 0; k < robot_.body.sections.size(); ++k) OfSection(k);
@@ -164,12 +165,22 @@ class Listing {
           known_ ? kPlaced : kGuessed,
           [axis, length_m](PostureRobot& robot, double change) { robot.shift_m[axis] += length_m * change; });
     }
+    for (const PosturePoint& point : points_) {
+      for (int axis = 0; point.turn && axis < 3; ++axis) {
+        Add(fmt::format("mount of the orientation sensor of disk {} about {}", point.disk + 1, "xyz"[axis]),
+            "rad", 1, known_ ? kPlaced_rad : kGuessed_rad,
+            [disk = point.disk, axis](PostureRobot& robot, double change) {
+              robot.mount_rad.try_emplace(disk, Eigen::Vector3d::Zero()).first->second[axis] += change;
+            });
+      }
+    }
     Add("lag behind the motors' readings", "s", 1, kLag_s,
         [](PostureRobot& robot, double change) { robot.motor_lag_s += change; });
   }
 
   const RobotParameters& robot_;
   const bool known_;
+  const std::vector<PosturePoint>& points_;
   std::vector<PostureNumber> all_;
 };
 
@@ -185,8 +196,9 @@ double PostureNumber::ChangeTo(const RobotParameters& file, double its) const {
   return additive ? (its - in_file) / per_change : std::log(its / in_file);
 }
 
-std::vector<PostureNumber> PostureNumbers(const RobotParameters& robot, bool frame_is_known) {
-  return Listing(robot, frame_is_known).All();
+std::vector<PostureNumber> PostureNumbers(const RobotParameters& robot, bool frame_is_known,
+                                          const std::vector<PosturePoint>& points) {
+  return Listing(robot, frame_is_known, points).All();
 }
 
 PostureRobot WithNumbers(const PostureRobot& file, const std::vector<PostureNumber>& numbers,

@@ -26,8 +26,9 @@ struct PostureNumber {
 };
 
 /// Those that are not known exactly. `frame_is_known`: the tracker's readings are in the base frame but for
-/// the care of whoever placed it; otherwise they were turned and shifted by a guess.
-std::vector<PostureNumber> PostureNumbers(const RobotParameters& robot, bool frame_is_known);
+/// the care of whoever placed it; otherwise they were turned and shifted by a guess. `points`: what is seen.
+std::vector<PostureNumber> PostureNumbers(const RobotParameters& robot, bool frame_is_known,
+                                          const std::vector<PosturePoint>& points);
 
 /// The robot of the file with these changes.
 PostureRobot WithNumbers(const PostureRobot& file, const std::vector<PostureNumber>& numbers,

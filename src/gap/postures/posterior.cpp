@@ -46,7 +46,7 @@ class Weighing {
   }
 
  private:
-  int disks() const { return static_cast<int>(search_.before_m.cols()) / 3; }
+  int points() const { return static_cast<int>(search_.before_m.cols()) / 3; }
 
   /// The probability of a change that matters.
   double WeighHypotheses() {
@@ -68,8 +68,8 @@ class Weighing {
   }
 
   bool AnyExcess(const Eigen::MatrixXd& residuals) const {
-    for (int d = 0; d < disks(); ++d) {
-      if (HasExcess(learned_, residuals, d, delta_m_)) return true;
+    for (int p = 0; p < points(); ++p) {
+      if (HasExcess(learned_, residuals, p, delta_m_)) return true;
     }
     return false;
   }
@@ -79,8 +79,8 @@ class Weighing {
     const Eigen::MatrixXd& after = search_.fits.front().held_out_m;
     if (after.size() == 0) return;  // no change of the library can be
     p_.closed = Closed(after);
-    for (int d = 0; d < disks(); ++d)
-      p_.leftover_sigma = std::max(p_.leftover_sigma, Excess(learned_, after, d) / learned_.Floor(d));
+    for (int p = 0; p < points(); ++p)
+      p_.leftover_sigma = std::max(p_.leftover_sigma, Excess(learned_, after, p) / learned_.Floor(p));
     if (p_.closed && p_.closed->value < 1 - kMayStay) {
       p_.doubt = fmt::format("it closes {} of the gap on held-out states, and a cause has to close {}",
                              Percent(p_.closed->value), Percent(1 - kMayStay));
@@ -92,13 +92,13 @@ class Weighing {
     for (double& its : p_.fits) its *= 0.5 / first;
   }
 
-  /// Share of the excess mean square that goes, over some states and the disks that have an excess in all.
+  /// Share of the excess mean square that goes, over some states and the points that have an excess in all.
   std::optional<double> ClosedIn(const Eigen::MatrixXd& after, const StateRange& range) const {
     double had = 0, has = 0;
-    for (int d = 0; d < disks(); ++d) {
-      if (!HasExcess(learned_, search_.before_m, d, delta_m_)) continue;
+    for (int p = 0; p < points(); ++p) {
+      if (!HasExcess(learned_, search_.before_m, p, delta_m_)) continue;
       const auto in_floors = [&](const Eigen::MatrixXd& residuals) {
-        return std::pow(DiskRms(residuals.middleRows(range.first, range.count), d) / learned_.Floor(d), 2);
+        return std::pow(PointRms(residuals.middleRows(range.first, range.count), p) / learned_.Floor(p), 2);
       };
       had += in_floors(search_.before_m) - 1;
       has += in_floors(after) - 1;
@@ -133,13 +133,14 @@ class Weighing {
 
 }  // namespace
 
-double Excess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int disk) {
-  const double rms = DiskRms(residuals_m, disk), floor = learned.Floor(disk);
+double Excess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int point) {
+  const double rms = PointRms(residuals_m, point), floor = learned.Floor(point);
   return std::sqrt(std::max(0.0, rms * rms - floor * floor));
 }
 
-bool HasExcess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int disk, double delta_m) {
-  return Excess(learned, residuals_m, disk) > LeastThatMatters(learned, disk, delta_m);
+bool HasExcess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int point,
+               double delta_m) {
+  return Excess(learned, residuals_m, point) > LeastThatMatters(learned, point, delta_m);
 }
 
 ChangePosterior PosteriorOf(const LearnedPostures& learned, const ChangeSearch& search, double delta_m) {

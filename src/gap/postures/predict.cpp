@@ -45,19 +45,37 @@ class Solver {
         (run.motor_rad.row(state) - robot_.motor_lag_s * run.motor_radps.row(state)).transpose();
     return travel_.cwiseProduct(angle) + robot_.zero_m;
   }
-  Eigen::RowVectorXd Disks(const Eigen::VectorXd& q, const std::vector<int>& disks,
-                           std::vector<model::Pose>& poses) const {
+  /// As seen in a state that has the shape q.
+  Eigen::RowVectorXd Channels(const Eigen::VectorXd& q, const Postures& postures, const States& run,
+                              Eigen::Index state, std::vector<model::Pose>& poses) const {
     poses.resize(static_cast<std::size_t>(body_.units()));
     body_.Poses(q, poses);
-    Eigen::RowVectorXd seen(3 * static_cast<Eigen::Index>(disks.size()));
-    for (std::size_t p = 0; p < disks.size(); ++p) {
-      const auto& end = poses[static_cast<std::size_t>(body_.disk_unit(disks[p]))];
-      seen.segment<3>(3 * static_cast<Eigen::Index>(p)) = (R_ * end.p_WA + robot_.shift_m).transpose();
+    Eigen::RowVectorXd seen(postures.channels());
+    Eigen::Index turn = 0;
+    for (std::size_t p = 0; p < postures.points.size(); ++p) {
+      const PosturePoint& point = postures.points[p];
+      const model::Pose& end = poses[static_cast<std::size_t>(body_.disk_unit(point.disk))];
+      auto its = seen.segment<3>(3 * static_cast<Eigen::Index>(p));
+      if (point.turn) {
+        const Eigen::RowVector4d w = run.quaternion.row(state).segment<4>(4 * turn++);
+        its = postures.lever_m *
+              Turn(Eigen::Quaterniond(w[0], w[1], w[2], w[3]), end.R_WA, point.disk).transpose();
+      } else {
+        its = (R_ * end.p_WA + robot_.shift_m).transpose();
+      }
     }
     return seen;
   }
 
  private:
+  /// From a measured orientation to that of a disk with this R, in the sensor's axes.
+  Eigen::Vector3d Turn(const Eigen::Quaterniond& measured, const Eigen::Matrix3d& R_disk, int disk) const {
+    const auto mount = robot_.mount_rad.find(disk);
+    const Eigen::Matrix3d R_sensor =
+        mount == robot_.mount_rad.end() ? R_disk : Eigen::Matrix3d(R_disk * Rotation(mount->second));
+    return RotationVector(measured.conjugate().toRotationMatrix() * R_ * R_sensor);
+  }
+
   PostureRobot robot_;
   model::Body body_;
   Eigen::Matrix3d R_;
@@ -88,10 +106,10 @@ std::vector<Piece> PiecesOf(const Postures& postures) {
 class Predicting {
  public:
   Predicting(const Solver& solver, const std::vector<std::unique_ptr<Solver>>& moved,
-             const std::vector<int>& disks, Predicted& out)
+             const Postures& postures, Predicted& out)
       : solver_(solver),
         moved_(moved),
-        disks_(disks),
+        postures_(postures),
         out_(out),
         statics_(solver.Statics()),
         q_(Eigen::VectorXd::Zero(solver.body().dof())),
@@ -115,7 +133,7 @@ class Predicting {
           q_ = before;
         }
       }
-      out_.disks_m.row(piece.row + i) = solver_.Disks(q_, disks_, poses_);
+      out_.channels_m.row(piece.row + i) = Channels(solver_, *piece.run, piece.first + i, q_);
       if (solved) {
         Slopes(*piece.run, piece.first + i, piece.row + i, pull);
       } else {
@@ -126,6 +144,11 @@ class Predicting {
   }
 
  private:
+  Eigen::RowVectorXd Channels(const Solver& solver, const States& run, Eigen::Index state,
+                              const Eigen::VectorXd& q) {
+    return solver.Channels(q, postures_, run, state, poses_);
+  }
+
   /// In steps, so that the branch is the one from the straight robot.
   void FromStraight(const Eigen::VectorXd& pull) {
     q_.setZero();
@@ -138,25 +161,25 @@ class Predicting {
     if (moved_.empty()) return;
     statics_.Residual(pull, q_, force_);
     const Eigen::VectorXd here = force_;
-    const Eigen::RowVectorXd at = out_.disks_m.row(row);
+    const Eigen::RowVectorXd at = out_.channels_m.row(row);
     Eigen::MatrixXd by_q(at.size(), q_.size());
     for (Eigen::Index i = 0; i < q_.size(); ++i) {
       Eigen::VectorXd displaced = q_;
       displaced[i] += kDisplaced;
-      by_q.col(i) = (solver_.Disks(displaced, disks_, poses_) - at).transpose() / kDisplaced;
+      by_q.col(i) = (Channels(solver_, run, state, displaced) - at).transpose() / kDisplaced;
     }
     const auto& tangent = statics_.Tangent(pull, q_);
     for (std::size_t p = 0; p < moved_.size(); ++p) {
       moved_statics_[p].Residual(moved_[p]->Pull(run, state), q_, force_);
       const Eigen::VectorXd dq = -tangent.solve((force_ - here) / kStep);
-      const Eigen::RowVectorXd directly = (moved_[p]->Disks(q_, disks_, poses_) - at) / kStep;
+      const Eigen::RowVectorXd directly = (Channels(*moved_[p], run, state, q_) - at) / kStep;
       out_.slopes[p].row(row) = directly + (by_q * dq).transpose();
     }
   }
 
   const Solver& solver_;
   const std::vector<std::unique_ptr<Solver>>& moved_;
-  const std::vector<int>& disks_;
+  const Postures& postures_;
   Predicted& out_;
   model::HeldStatics statics_;
   std::vector<model::HeldStatics> moved_statics_;
@@ -206,13 +229,13 @@ Predicted Predict(const RobotAt& robot_at, const Eigen::VectorXd& x, int slopes,
       throw std::invalid_argument("a number that gives the body other strains has no slope");
   }
   Predicted out;
-  out.disks_m.resize(postures.states(), postures.channels());
+  out.channels_m.resize(postures.states(), postures.channels());
   out.slopes.assign(moved.size(), Eigen::MatrixXd(postures.states(), postures.channels()));
   const std::vector<Piece> pieces = PiecesOf(postures);
   std::vector<int> unsolved(pieces.size());
   ParallelFor(static_cast<int>(pieces.size()), threads, [&](int i) {
     const auto k = static_cast<std::size_t>(i);
-    unsolved[k] = Predicting(solver, moved, postures.disks, out).Run(pieces[k]);
+    unsolved[k] = Predicting(solver, moved, postures, out).Run(pieces[k]);
   });
   for (const int n : unsolved) out.unsolved += n;
   return out;

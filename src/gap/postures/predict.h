@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <map>
 #include <vector>
 
 #include "states.h"
@@ -19,6 +20,9 @@ struct PostureRobot {
   double motor_lag_s = 0;  // the body follows the motors' readings by this
   // The tracker sees a point p of the base frame at R(turn) p + shift.
   Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero(), shift_m = Eigen::Vector3d::Zero();
+  /// By disk: a sensor of its orientation is turned by this in the disk's axes; not turned where there is
+  /// none.
+  std::map<int, Eigen::Vector3d> mount_rad{};
 
   /// A robot of a file: `effects` are worked into its numbers, and offsets of encoders and tracker into the
   /// others. Laws that statics cannot show are passed over.
@@ -30,8 +34,8 @@ void MoveZero(PostureRobot& robot, const sim::Effect& effect, sim::Target tendon
 
 /// At the states of all runs, one below the other.
 struct Predicted {
-  Eigen::MatrixXd disks_m;              // S x 3P
-  std::vector<Eigen::MatrixXd> slopes;  // by number: d disks / d number
+  Eigen::MatrixXd channels_m;           // S x C
+  std::vector<Eigen::MatrixXd> slopes;  // by number: d channels / d number
   int unsolved = 0;                     // states without an equilibrium: those of the nearest before them
 };
 

@@ -19,12 +19,32 @@ constexpr double kRounding = 1e-6;  // of stamps, in states
 
 bool Read(const Eigen::MatrixXd& values) { return values.array().isFinite().any(); }
 
-/// S x 3D: the tip stands for the last disk where that has no readings of its own.
-Eigen::MatrixXd DisksOf(const Run& run, int disks) {
-  Eigen::MatrixXd all = Eigen::MatrixXd::Constant(run.time_s.size(), 3 * disks, kNoReading);
-  if (run.disks_m.cols() == all.cols()) all = run.disks_m;
-  if (run.tip_m.cols() > 0 && !Read(all.rightCols(3))) all.rightCols(3) = run.tip_m;
+/// Of every disk, `width` columns each: the tip stands for the last where that has no readings of its own.
+Eigen::MatrixXd OfDisks(const Eigen::MatrixXd& of_disks, const Eigen::MatrixXd& of_tip, Eigen::Index rows,
+                        int width, int disks) {
+  Eigen::MatrixXd all = Eigen::MatrixXd::Constant(rows, width * disks, kNoReading);
+  if (of_disks.cols() == all.cols()) all = of_disks;
+  if (of_tip.cols() == width && !Read(all.rightCols(width))) all.rightCols(width) = of_tip;
   return all;
+}
+
+/// S x 3 of a place, S x 4 of a turn.
+Eigen::MatrixXd ReadingsOf(const Run& run, const PosturePoint& point, int disks) {
+  const int width = point.turn ? 4 : 3;
+  const Eigen::MatrixXd all =
+      point.turn ? OfDisks(run.disk_quaternion, run.tip_quaternion, run.time_s.size(), width, disks)
+                 : OfDisks(run.disks_m, run.tip_m, run.time_s.size(), width, disks);
+  return all.middleCols(width * point.disk, width);
+}
+
+/// A rotation has two quaternions: the one nearer the one before, so that means are of one rotation.
+void Align(Eigen::Ref<Eigen::MatrixXd> quaternions) {
+  Eigen::RowVector4d before = Eigen::RowVector4d::Zero();
+  for (Eigen::Index i = 0; i < quaternions.rows(); ++i) {
+    if (!quaternions.row(i).allFinite()) continue;
+    if (before.dot(quaternions.row(i)) < 0) quaternions.row(i) *= -1;
+    before = quaternions.row(i);
+  }
 }
 
 /// Mean of each column's readings in some rows; NaN without any.
@@ -56,11 +76,14 @@ Eigen::RowVectorXd SpeedOf(const Run& run, Eigen::Index first, Eigen::Index coun
 
 class Averaging {
  public:
-  Averaging(const Run& run, const std::vector<int>& disks, int all_disks)
-      : run_(run), readings_(run.time_s.size(), 3 * static_cast<Eigen::Index>(disks.size())) {
-    const Eigen::MatrixXd all = DisksOf(run, all_disks);
-    for (std::size_t p = 0; p < disks.size(); ++p)
-      readings_.middleCols(3 * static_cast<Eigen::Index>(p), 3) = all.middleCols(3 * disks[p], 3);
+  Averaging(const Run& run, const std::vector<PosturePoint>& points, int disks) : run_(run) {
+    for (const PosturePoint& point : points) {
+      Eigen::MatrixXd its = ReadingsOf(run, point, disks);
+      if (point.turn) Align(its);
+      readings_.conservativeResize(run.time_s.size(), readings_.cols() + its.cols());
+      readings_.rightCols(its.cols()) = its;
+      (point.turn ? turns_ : places_) += 1;
+    }
   }
 
   States Result() {
@@ -113,11 +136,16 @@ class Averaging {
     out_.time_s = Eigen::Map<const Eigen::VectorXd>(time_.data(), static_cast<Eigen::Index>(time_.size()));
     out_.motor_rad = Stacked(motor_);
     out_.motor_radps = Stacked(speed_);
-    out_.disks_m = Stacked(seen_);
+    const Eigen::MatrixXd seen = Stacked(seen_);
+    out_.seen_m = Eigen::MatrixXd::Zero(seen.rows(), 3 * (places_ + turns_));
+    out_.seen_m.leftCols(3 * places_) = seen.leftCols(3 * places_);
+    out_.quaternion = seen.rightCols(4 * turns_);
+    for (Eigen::Index t = 0; t < turns_; ++t) out_.quaternion.middleCols(4 * t, 4).rowwise().normalize();
   }
 
   const Run& run_;
-  Eigen::MatrixXd readings_;  // of the disks that count
+  Eigen::MatrixXd readings_;  // of the points, places first
+  Eigen::Index places_ = 0, turns_ = 0;
   std::vector<double> time_;
   std::vector<Eigen::RowVectorXd> motor_, speed_, seen_;
   States out_;
@@ -128,7 +156,7 @@ void Thin(States& run, int n) {
   std::vector<Eigen::Index> kept;
   for (Eigen::Index i = 0; i < run.time_s.size(); i += n) kept.push_back(i);
   run.time_s = run.time_s(kept).eval();
-  for (Eigen::MatrixXd* values : {&run.motor_rad, &run.motor_radps, &run.disks_m})
+  for (Eigen::MatrixXd* values : {&run.motor_rad, &run.motor_radps, &run.seen_m, &run.quaternion})
     *values = (*values)(kept, Eigen::all).eval();
 }
 
@@ -145,7 +173,25 @@ Eigen::MatrixXd Postures::Stacked(Eigen::MatrixXd States::*values) const {
 }
 
 std::string Postures::ChannelName(Eigen::Index channel) const {
-  return fmt::format("disk {} {}", disks[static_cast<std::size_t>(channel / 3)] + 1, "xyz"[channel % 3]);
+  const PosturePoint& point = points[static_cast<std::size_t>(channel / 3)];
+  return fmt::format("{}disk {} {}{}", point.turn ? "turn of " : "", point.disk + 1,
+                     point.turn ? "about " : "", "xyz"[channel % 3]);
+}
+
+void Postures::Keep(const std::vector<PosturePoint>& kept) {
+  std::vector<Eigen::Index> channels, numbers;  // of all, and of the turns' quaternions
+  Eigen::Index turn = 0;
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    const bool stays = std::find(kept.begin(), kept.end(), points[p]) != kept.end();
+    for (Eigen::Index i = 0; stays && i < 3; ++i) channels.push_back(3 * static_cast<Eigen::Index>(p) + i);
+    for (Eigen::Index i = 0; stays && points[p].turn && i < 4; ++i) numbers.push_back(4 * turn + i);
+    turn += points[p].turn;
+  }
+  for (States& run : runs) {
+    run.seen_m = run.seen_m(Eigen::all, channels).eval();
+    run.quaternion = run.quaternion(Eigen::all, numbers).eval();
+  }
+  points = kept;
 }
 
 std::vector<std::string> Postures::Lost() const {
@@ -168,7 +214,9 @@ bool ShowsPostures(const DataSet& set) {
   const int tendons = set.robot.body.tendons();
   return set.robot.actuation && std::all_of(set.runs.begin(), set.runs.end(), [&](const Run& run) {
            return run.time_s.size() > 1 && run.motor_position_rad.cols() == tendons &&
-                  Read(run.motor_position_rad) && (Read(run.disks_m) || Read(run.tip_m)) &&
+                  Read(run.motor_position_rad) &&
+                  (Read(run.disks_m) || Read(run.tip_m) || Read(run.disk_quaternion) ||
+                   Read(run.tip_quaternion)) &&
                   !Read(run.torque_actual_Nm) && !Read(run.torque_target_Nm) && !Read(run.tension_N);
          });
 }
@@ -176,16 +224,19 @@ bool ShowsPostures(const DataSet& set) {
 Postures PosturesOf(const std::vector<const Run*>& runs, const RobotParameters& robot) {
   Postures postures;
   const int disks = robot.body.disks();
-  for (int d = 0; d < disks; ++d) {
-    const bool seen = std::all_of(runs.begin(), runs.end(), [&](const Run* run) {
-      return Read(DisksOf(*run, disks).middleCols(3 * d, 3));
-    });
-    if (seen) postures.disks.push_back(d);
+  postures.lever_m = robot.body.length_m();
+  for (const bool turn : {false, true}) {
+    for (int d = 0; d < disks; ++d) {
+      const PosturePoint point{turn, d};
+      const bool seen = std::all_of(runs.begin(), runs.end(),
+                                    [&](const Run* run) { return Read(ReadingsOf(*run, point, disks)); });
+      if (seen) postures.points.push_back(point);
+    }
   }
-  if (postures.disks.empty())
+  if (postures.points.empty())
     throw std::runtime_error("no disk is seen in all of these runs; accepted: runs of the same markers");
   for (const Run* run : runs) {
-    postures.runs.push_back(Averaging(*run, postures.disks, disks).Result());
+    postures.runs.push_back(Averaging(*run, postures.points, disks).Result());
     if (postures.runs.back().time_s.size() == 0) {
       throw std::runtime_error(fmt::format(
           "run {}: motors and disks are nowhere read together; accepted: readings of the same times",

@@ -1,0 +1,212 @@
+"""The foreign simulators against closed forms and against each other, and what is drawn: the same seed gives the same
+files. Leaves with 77, which ctest shows as skipped, where their packages are missing."""
+
+import importlib.util
+import math
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+from unittest import mock
+
+try:
+    import cryptography  # noqa: F401
+    import mujoco  # noqa: F401
+    import numpy as np
+    from scipy.integrate import solve_ivp
+    from scipy.optimize import brentq
+    import yaml  # noqa: F401
+except ImportError as error:
+    print(f"skipped: {error}; install tests/foreign/requirements.txt into the Python that the tests use")
+    sys.exit(77)
+
+from tests.blind import seal
+from tests.foreign import campaign, draw, table, tendons
+from tests.foreign.mujoco_cable import Cable
+
+ELASTICA = all(importlib.util.find_spec(name) for name in ("elastica", campaign.MODULES["elastica"]))
+PLANTS = ["cable"] + ["elastica"] * ELASTICA
+LENGTH, RADIUS, E = 0.2, 0.004, 1e7
+EI = E * math.pi * RADIUS**4 / 4
+
+
+def plain(gravity=(0, 0, 0), home=-1.0, disks=4, payload=0.0, stiffness=500.0, lever=0.015):
+    """One section of a straight rod with almost no weight of its own; tendons hang loose unless `home` says
+    otherwise."""
+    return dict(
+        mount="horizontal",
+        tendons="4",
+        rod_radius_m=RADIUS,
+        density_kgpm3=1.0,
+        disk_mass_kg=1e-6,
+        spool_radius_m=0.01,
+        tip_payload_kg=payload,
+        gravity_mps2=list(gravity),
+        tendon_stiffness_Npm=stiffness,
+        home_m=[home] * 4,
+        tautness=4.0,
+        sections=[
+            dict(length_m=LENGTH, disks=disks, youngs_modulus_Pa=E, holes=[(j * math.pi / 2, lever) for j in range(4)])
+        ],
+    )
+
+
+def postures(plant, robot, angles):
+    return importlib.import_module(campaign.MODULES[plant]).postures(robot, np.atleast_2d(angles))
+
+
+def elastica_tip(weight):
+    """Tip of an inextensible cantilever along z under a weight across it, EI theta'' = -weight cos(theta): (down,
+    along) [m]."""
+
+    def shot(curvature):
+        return solve_ivp(
+            lambda s, y: (y[1], -weight * math.cos(y[0]) / EI, math.sin(y[0]), math.cos(y[0])),
+            (0, LENGTH),
+            (0, curvature, 0, 0),
+            rtol=1e-9,
+            atol=1e-12,
+        ).y[:, -1]
+
+    end = shot(brentq(lambda c: shot(c)[1], 0, 2 * weight * LENGTH / EI))
+    return end[2], end[3]
+
+
+class ClosedForms(unittest.TestCase):
+    def test_cantilever_under_a_weight_is_the_elastica(self):
+        for plant in PLANTS:
+            for size in (0.2, 1.5):  # weight length^2 / EI
+                weight = size * EI / LENGTH**2
+                robot = plain(gravity=(0, -9.81, 0), payload=weight / 9.81)
+                x, y, z = postures(plant, robot, [0, 0, 0, 0])[0, -1]
+                down, along = elastica_tip(weight)
+                with self.subTest(plant=plant, size=size):
+                    self.assertAlmostEqual(x, 0, delta=1e-5)
+                    self.assertAlmostEqual(-y, down, delta=0.01 * down)
+                    self.assertAlmostEqual(z, along, delta=0.01 * down)
+
+    def test_one_tendon_bends_a_weightless_rod_into_an_arc(self):
+        lever, stiffness, pull = 0.015, 500.0, 0.012
+        # moment T lever = EI bend / L, and T = k (pull - lever bend): many disks, so that the tendon follows the arc
+        bend = pull * lever * stiffness / (EI / LENGTH + lever**2 * stiffness)
+        for plant in PLANTS:
+            robot = plain(home=-0.1, disks=10, stiffness=stiffness, lever=lever)
+            x, y, z = postures(plant, robot, [(pull + 0.1) / 0.01, 0, 0, 0])[0, -1]
+            with self.subTest(plant=plant):
+                self.assertAlmostEqual(y, 0, delta=1e-5)
+                self.assertAlmostEqual(x, LENGTH * (1 - math.cos(bend)) / bend, delta=0.02 * x)
+                self.assertAlmostEqual(math.atan2(x, z), bend / 2, delta=0.02 * bend)
+
+    def test_a_loose_tendon_does_nothing(self):
+        robot = plain(gravity=(0, -9.81, 0), payload=0.02)
+        for plant in PLANTS:
+            loose, looser = postures(plant, robot, [[0, 0, 0, 0], [-3, -3, -3, -3]])
+            self.assertLess(np.abs(loose - looser).max(), 1e-6)
+
+
+class Agreement(unittest.TestCase):
+    def test_lengths_and_tensions_are_mujocos(self):
+        rng = np.random.default_rng(3)
+        robot = draw.robot(rng)
+        cable = Cable(robot)
+        angles = draw.postures(robot, rng, 3)
+        cable.postures(angles)
+        p, R = cable.data.xpos[cable.disks], cable.data.xmat[cable.disks].reshape(-1, 3, 3)
+        lengths = [tendons.length(w) for w in tendons.ways(robot, p, R)]
+        np.testing.assert_allclose(lengths, cable.data.ten_length, atol=1e-12)
+        force, moment = tendons.wrenches(robot, p, R, draw.pulls(robot, angles)[-1])
+        applied = np.zeros(cable.model.nv)
+        for body, f, m in zip(cable.disks, force, moment):
+            mujoco.mj_applyFT(cable.model, cable.data, f, m, cable.data.xpos[body], body, applied)
+        cable.model.tendon_stiffness[:] = 0
+        mujoco.mj_forward(cable.model, cable.data)
+        np.testing.assert_allclose(applied + cable.data.qfrc_smooth, 0, atol=1e-6)
+
+    def test_finer_pieces_move_the_cable_by_little(self):
+        rng = np.random.default_rng(8)
+        robot = draw.robot(rng)
+        angles = draw.postures(robot, rng, 4)
+        coarse, fine = Cable(robot).postures(angles), Cable(robot, 8).postures(angles)
+        self.assertLess(np.abs(coarse - fine).max(), 0.01 * np.ptp(fine[:, -1], 0).max())
+
+    @unittest.skipUnless(ELASTICA, "no PyElastica plant")
+    def test_both_plants_take_the_same_postures(self):
+        rng = np.random.default_rng(8)
+        robot = draw.robot(rng)
+        angles = draw.postures(robot, rng, 4)
+        one, other = (postures(plant, robot, angles) for plant in draw.PLANTS)
+        self.assertLess(np.abs(one - other).max(), 0.02 * np.ptp(one[:, -1], 0).max())
+
+
+class Draw(unittest.TestCase):
+    def test_same_seed_gives_the_same_files(self):
+        with mock.patch.multiple(campaign, FEWEST=4, MOST=5), tempfile.TemporaryDirectory() as scratch:
+            digests = []
+            for name, seed in (("a", 4), ("b", 4), ("c", 5)):
+                folder = Path(scratch, name)
+                folder.mkdir()
+                campaign.made(folder, np.random.default_rng([seed, 0]), "cable", "slack")
+                digests.append(seal.digest(folder))
+        self.assertEqual(digests[0], digests[1])
+        self.assertNotEqual(digests[0], digests[2])
+
+    def test_changes_are_drawn_in_equal_numbers(self):
+        kinds = draw.kinds_of(30, draw.PLANTS, np.random.default_rng(1))
+        self.assertEqual({kinds.count((p, c)) for p in draw.PLANTS for c in draw.CHANGES}, {5})
+
+    def test_an_exact_map_leads_back_to_the_base(self):
+        rng = np.random.default_rng(2)
+        robot = draw.robot(rng)
+        lab = dict(table.laboratory(robot, rng), turn_error_rad=[0, 0, 0], shift_error_m=[0, 0, 0])
+        frame = table.column_map(robot, lab)["frame"]
+        p = np.array([0.01, -0.02, 0.3])
+        seen = table.rotation(lab["turn_rad"]) @ p + lab["shift_m"]
+        np.testing.assert_allclose(table.rotation(frame["rotation_rad"]) @ seen + frame["offset_m"], p, atol=1e-9)
+
+    def test_a_change_changes_only_what_it_says(self):
+        robot = draw.robot(np.random.default_rng(1))
+        slack = draw.changed(robot, dict(effect="slack", where="tendon:2", value=0.003))
+        self.assertAlmostEqual(robot["home_m"][1] - slack["home_m"][1], 0.003)
+        self.assertEqual(robot["sections"], slack["sections"])
+        soft = draw.changed(robot, dict(effect="bending_stiffness", where="all", value=0.7))
+        for one, other in zip(draw.rods(robot), draw.rods(soft)):
+            self.assertAlmostEqual(other["bending_Nm2"] / one["bending_Nm2"], 0.7)
+            self.assertEqual(one["axial_N"], other["axial_N"])
+
+
+class Judgement(unittest.TestCase):
+    def judged(self, verdict, causes, truth, sections=1):
+        robot = dict(mount="hanging", tendons="3", sections=[dict(length_m=0.1, disks=2)] * sections)
+        answer = dict(
+            id="0000",
+            plant="cable",
+            truth=truth,
+            robot=robot,
+            moved_m=1e-3,
+            laboratory=dict(frame="fit", noise_m=1e-4, disks=[2]),
+        )
+        causes = [dict(effect=e, where=w, p=p, group=g, parameters={}) for e, w, p, g in causes]
+        return campaign.judged(
+            answer, dict(started_ns=0, finished_ns=1, report=dict(verdict=verdict, causes=causes, sentence=""))
+        )
+
+    def test_first_cause_its_group_or_another_name_of_it(self):
+        soft = dict(effect="bending_stiffness", where="all", value=0.7, unit="")
+        loose = dict(effect="slack", where="tendon:2", value=0.002, unit="m")
+        other, right = ("tip_force", "all", 0.5, 1), ("bending_stiffness", "section:1", 0.45, 1)
+        self.assertTrue(self.judged("ambiguous_group", [other, right], soft)["named"])
+        self.assertFalse(self.judged("ambiguous_group", [other, right], soft, sections=2)["named"])
+        self.assertFalse(
+            self.judged("attributed", [("tip_force", "all", 0.9, 0), ("bending_stiffness", "all", 0.1, 0)], soft)[
+                "named"
+            ]
+        )
+        self.assertFalse(self.judged("unexplained", [right], soft)["named"])
+        self.assertTrue(self.judged("attributed", [("encoder_offset", "tendon:2", 0.9, 0)], loose)["named"])
+        wrong = self.judged("attributed", [("slack", "tendon:1", 0.9, 0), ("no_gap", "all", 0.1, 0)], loose)
+        self.assertFalse(wrong["named"])
+        self.assertEqual((wrong["p"], wrong["wrong_p"]), (0, 0.9))
+
+
+if __name__ == "__main__":
+    unittest.main()
