@@ -185,6 +185,24 @@ def rods(r):
     return out
 
 
+def pieces(r, between):
+    """(length, rod, mass at its end, number of the disk there or None) of every piece, base to tip."""
+    each, out, disk = rods(r), [], -1
+    spans = [
+        (s["length_m"] / s["disks"] / between, each[k])
+        for k, s in enumerate(r["sections"])
+        for _ in range(s["disks"] * between)
+    ]
+    for n, (h, rod) in enumerate(spans):
+        after = spans[n + 1] if n + 1 < len(spans) else (0.0, rod)
+        weight = (rod["mass_kgpm"] * h + after[1]["mass_kgpm"] * after[0]) / 2
+        ends = (n + 1) % between == 0
+        disk += ends
+        weight += (r["disk_mass_kg"] if ends else 0) + (r["tip_payload_kg"] if n + 1 == len(spans) else 0)
+        out.append((h, rod, weight, disk if ends else None))
+    return out
+
+
 def pulls(r, angles):
     """postures x tendons: how much shorter each tendon is at rest than its way along the straight robot [m]."""
     return np.array(

@@ -16,24 +16,6 @@ DIFFERENCE = 1e-6  # rad or m, of the slopes of forces
 STILL = 1e-7  # rad or m: a Newton step that ends the search
 
 
-def rows_of(robot, pieces):
-    """(length, rod, mass at its end, number of the disk there or None) of every piece, base to tip."""
-    rods, out, disk = draw.rods(robot), [], -1
-    spans = [
-        (s["length_m"] / s["disks"] / pieces, rods[k])
-        for k, s in enumerate(robot["sections"])
-        for _ in range(s["disks"] * pieces)
-    ]
-    for n, (h, rod) in enumerate(spans):
-        after = spans[n + 1] if n + 1 < len(spans) else (0.0, rod)
-        weight = (rod["mass_kgpm"] * h + after[1]["mass_kgpm"] * after[0]) / 2
-        ends = (n + 1) % pieces == 0
-        disk += ends
-        weight += (robot["disk_mass_kg"] if ends else 0) + (robot["tip_payload_kg"] if n + 1 == len(spans) else 0)
-        out.append((h, rod, weight, disk if ends else None))
-    return out
-
-
 def xml(robot, pieces):
     routes = tendons.routes(robot)
 
@@ -50,7 +32,7 @@ def xml(robot, pieces):
         '<flag energy="enable" contact="disable"/>'
         f"</option><worldbody>{sites(-1)}"
     )
-    rows = rows_of(robot, pieces)
+    rows = draw.pieces(robot, pieces)
     for n, (h, rod, weight, disk) in enumerate(rows):
         inertia = weight * 1e-4  # of no account at rest
         joints = [
@@ -77,7 +59,8 @@ class Cable:
         self.robot = robot
         self.model = mujoco.MjModel.from_xml_string(xml(robot, pieces))
         self.data = mujoco.MjData(self.model)
-        self.disks = [self.model.body(f"b{n}").id for n, row in enumerate(rows_of(robot, pieces)) if row[3] is not None]
+        rows = draw.pieces(robot, pieces)
+        self.disks = [self.model.body(f"b{n}").id for n, row in enumerate(rows) if row[3] is not None]
         self.rest = self.model.qpos0.copy()
 
     def force(self, q):

@@ -284,6 +284,37 @@ TEST(Postures, TheSameRobotHasNoGap) {
   for (const auto& f : d.location) EXPECT_FALSE(f.excess) << f.where;
 }
 
+TEST(Postures, ARobotThatCannotBeLearnedTellsNothing) {
+  // The markers of another robot: what they show does not follow from these motors.
+  const auto stranger = [](const RobotParameters& robot, const std::string& name, unsigned seed) {
+    gap::Run run = Moved(robot, name, seed, 15);
+    run.motor_position_rad = Moved(robot, name, seed + 7, 15).motor_position_rad;
+    return run;
+  };
+  const Diagnosis d = Diagnosed(AsBuilt(), stranger);
+  EXPECT_EQ(d.verdict, Verdict::kInsufficientData) << d.sentence;
+  EXPECT_NE(d.sentence.find("cannot be learned from the runs before"), std::string::npos) << d.sentence;
+  for (const Cause& cause : d.causes) {
+    EXPECT_TRUE(cause.p <= 0.5 || cause.effect == "unknown") << cause.effect;
+  }
+}
+
+TEST(Postures, TwoPriorDeviationsAreTheBoundsOfTheRegistry) {
+  for (const PostureChange& change : PostureChanges(Hose(), {})) {
+    if (!change.effect) continue;
+    for (int k = 0; k < change.size(); ++k) {
+      const sim::EffectParameter& p = change.effect->parameters[static_cast<std::size_t>(k)];
+      Eigen::VectorXd z = Eigen::VectorXd::Zero(change.size());
+      EXPECT_DOUBLE_EQ(change.ValueAt(k, 0), p.nominal);
+      EXPECT_EQ(change.OutOfRange(z), "");
+      z[k] = 2.5;
+      const double value = change.ValueAt(k, z[k]);
+      EXPECT_TRUE(value > p.upper || -change.ValueAt(k, -z[k]) > -p.lower) << change.effect->effect->name;
+      EXPECT_EQ(change.OutOfRange(z).empty(), value <= p.upper) << change.effect->effect->name;
+    }
+  }
+}
+
 TEST(Postures, OtherChangesAreNamedToo) {
   RobotParameters turned = AsBuilt();
   turned.effects.push_back({"encoder_offset", "tendon:2", {{"rad", 0.5}}});

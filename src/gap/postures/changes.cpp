@@ -1,10 +1,13 @@
 // Screened by one Gauss-Newton step with the numbers free within their posterior, the best refitted.
 #include "changes.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numbers>
 #include <stdexcept>
 
@@ -16,9 +19,8 @@
 namespace tendril::gap {
 namespace {
 
-// Prior of a change, in plainly visible deviations of the effect; of a number, in the exponent of a factor.
-constexpr double kPlausible = 30, kPlausibleFactor = 0.5;
-constexpr double kLeastScale = 0.02;
+constexpr double kPlausibleFactor = 0.5;  // prior of a changed number, in its exponent
+constexpr double kOfBound = 0.5;          // of an effect: two deviations are the bounds of the registry
 // Weight of the discrepancy found before the change against what the states after it say of its size: it may
 // be somewhat larger where the robot is bent otherwise.
 constexpr double kSureStates = 20;
@@ -48,11 +50,18 @@ void Apply(const Candidate& c, const Eigen::VectorXd& values, PostureRobot& robo
   }
 }
 
-/// Of a parameter, in prior deviations from no change: masses and lengths of slack are not negative, nor are
-/// scales.
+bool IsFactor(const sim::EffectParameter& p) { return p.nominal == 1 && p.lower > 0; }
+
+/// Of a parameter, in prior deviations from no change: masses and lengths of slack are not negative.
 double LeastOf(const sim::EffectParameter& p) {
-  if (p.nominal == 1) return (kLeastScale - 1) / (kPlausible * ScaleOf(p));
   return p.nominal == 0 && p.lower == 0 ? 0 : -std::numeric_limits<double>::infinity();
+}
+
+/// Prior deviation of a parameter, of a factor's exponent. Bounds follow from the robot file, so that a load
+/// is measured by the robot's weight and stiffness.
+double PriorDeviationOf(const sim::EffectParameter& p) {
+  if (IsFactor(p)) return kOfBound * 0.5 * std::log(p.upper / p.lower);
+  return kOfBound * std::max(p.upper - p.nominal, p.nominal - p.lower);
 }
 
 std::optional<PostureChange> ChangeOf(const Candidate& candidate) {
@@ -63,14 +72,12 @@ std::optional<PostureChange> ChangeOf(const Candidate& candidate) {
   change.effect = candidate;
   change.deviation.resize(candidate.size());
   for (int k = 0; k < candidate.size(); ++k)
-    change.deviation[k] = kPlausible * ScaleOf(candidate.parameters[static_cast<std::size_t>(k)]);
-  change.apply = [candidate](PostureRobot& robot, const Eigen::VectorXd& z) {
+    change.deviation[k] = PriorDeviationOf(candidate.parameters[static_cast<std::size_t>(k)]);
+  change.apply = [change](PostureRobot& robot, const Eigen::VectorXd& z) {
     Eigen::VectorXd values(z.size());
-    for (int k = 0; k < candidate.size(); ++k) {
-      const sim::EffectParameter& p = candidate.parameters[static_cast<std::size_t>(k)];
-      values[k] = p.nominal + kPlausible * ScaleOf(p) * std::max(z[k], LeastOf(p));
-    }
-    Apply(candidate, values, robot);
+    const Eigen::VectorXd possible = change.Possible(z);
+    for (int k = 0; k < change.size(); ++k) values[k] = change.ValueAt(k, possible[k]);
+    Apply(*change.effect, values, robot);
   };
   return change;
 }
@@ -93,6 +100,22 @@ double PostureChange::LogOneSided() const {
     if (LeastOf(effect->parameters[static_cast<std::size_t>(k)]) == 0) log += std::numbers::ln2;
   }
   return log;
+}
+
+double PostureChange::ValueAt(int parameter, double z) const {
+  if (number) return number->ValueAt(deviation[parameter] * z);
+  const sim::EffectParameter& p = effect->parameters[static_cast<std::size_t>(parameter)];
+  return IsFactor(p) ? std::exp(deviation[parameter] * z) : p.nominal + deviation[parameter] * z;
+}
+
+std::string PostureChange::OutOfRange(const Eigen::VectorXd& z) const {
+  for (int k = 0; effect && k < size(); ++k) {
+    const sim::EffectParameter& p = effect->parameters[static_cast<std::size_t>(k)];
+    const double value = ValueAt(k, z[k]);
+    if (value < p.lower || value > p.upper)
+      return fmt::format("its {} of {:.3g} lies outside {:.3g} to {:.3g}", p.name, value, p.lower, p.upper);
+  }
+  return "";
 }
 
 Eigen::VectorXd PostureChange::Possible(Eigen::VectorXd z) const {
@@ -141,6 +164,7 @@ class Searching {
 
   void RefineLikeliest() {
     std::vector<ChangeFit>& fits = out_.fits;
+    SharePrior();
     std::sort(fits.begin(), fits.end(), Likelier);
     const int refits = std::min(options_.refits, static_cast<int>(fits.size()));
     for (int k = 0; k < refits; ++k) {
@@ -162,10 +186,23 @@ class Searching {
     std::sort(fits.begin(), fits.end(), Likelier);
   }
 
+  void SharePrior() {
+    const auto name = [&](const ChangeFit& fit) {
+      const PostureChange& change = out_.changes[static_cast<std::size_t>(fit.change)];
+      return change.effect ? std::string(change.effect->effect->name) : change.number->key;
+    };
+    std::map<std::string, int> places;
+    for (const ChangeFit& fit : out_.fits) ++places[name(fit)];
+    for (ChangeFit& fit : out_.fits)
+      fit.log_prior = -std::log(static_cast<double>(places.size()) * places[name(fit)]);
+  }
+
   void Refine(ChangeFit& fit) const {
     const int index = fit.change;
     try {
+      const double log_prior = fit.log_prior;
       fit = Refined(&out_.changes[static_cast<std::size_t>(index)], learned_.x, fit.z);
+      fit.log_prior = log_prior;
     } catch (const std::exception&) {
       fit.log_evidence = kNoEvidence;  // there is no such robot
     }
@@ -174,7 +211,7 @@ class Searching {
     fit.refined = true;
   }
 
-  static bool Likelier(const ChangeFit& a, const ChangeFit& b) { return a.log_evidence > b.log_evidence; }
+  static bool Likelier(const ChangeFit& a, const ChangeFit& b) { return a.LogJoint() > b.LogJoint(); }
 
   Predicted At(const PostureChange* change, const Eigen::VectorXd& x, const Eigen::VectorXd& z,
                Eigen::Index slopes) const {

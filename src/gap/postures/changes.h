@@ -18,11 +18,15 @@ namespace tendril::gap {
 struct PostureChange {
   std::optional<Candidate> effect;   // empty: a number
   std::optional<FileNumber> number;  // empty: an effect
-  Eigen::VectorXd deviation;         // prior standard deviation of each parameter, in its unit
+  Eigen::VectorXd deviation;  // prior standard deviation of each parameter: of a factor of its exponent
   /// z: from no change, in prior deviations.
   std::function<void(PostureRobot&, const Eigen::VectorXd& z)> apply;
 
   int size() const { return static_cast<int>(deviation.size()); }
+  /// Of a parameter that is z prior deviations from no change.
+  double ValueAt(int parameter, double z) const;
+  /// Which parameter lies outside the range of the registry, as a clause; empty: none.
+  std::string OutOfRange(const Eigen::VectorXd& z) const;
   /// z, or the nearest that can be: no mass is negative.
   Eigen::VectorXd Possible(Eigen::VectorXd z) const;
   /// Log of the density of z's prior over that of one to both sides.
@@ -38,15 +42,18 @@ struct ChangeFit {
   int change = -1;    // index; -1: nothing changed
   Eigen::VectorXd z;  // parameters at the maximum, in prior deviations
   double log_evidence = 0;
+  double log_prior = 0;        // among all: shared evenly by the effects, and by the places of each
   Eigen::MatrixXd covariance;  // of z, the numbers being as uncertain as they are
   double moves = 0;            // largest rms move of a point by the change, over the least that matters there
   Eigen::MatrixXd held_out_m;  // measured less predicted, each quarter with what the others give
   bool refined = false;        // false: one step from no change, without the two before
+
+  double LogJoint() const { return log_prior + log_evidence; }
 };
 
 struct ChangeSearch {
   std::vector<PostureChange> changes;
-  std::vector<ChangeFit> fits;  // by falling evidence; those that may be named are refined
+  std::vector<ChangeFit> fits;  // by falling probability; those that may be named are refined
   double none_log_evidence = 0;
   double unlisted_log_evidence = 0;  // of a change of another kind: any smooth function of the motors' angles
   Eigen::MatrixXd before_m;          // residuals with the numbers from before

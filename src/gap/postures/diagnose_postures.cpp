@@ -56,7 +56,9 @@ class Diagnosing {
     Decide();
     Closures();
     Limits();
-    const std::string preface = d_.suspected.empty() ? Preface(d_) : NumbersText();
+    const std::string preface = posterior_.not_learned ? NotLearnedText()
+                                : d_.suspected.empty() ? Preface(d_)
+                                                       : NumbersText();
     d_.sentence = WithLeftOut(preface + Sentence(d_, set_.robot, ""), set_.notes, d_.runs.size());
     return std::move(d_);
   }
@@ -159,9 +161,10 @@ class Diagnosing {
     if (!fit.refined) cause.note = "screened only, not refitted";
     for (int i = 0; i < change.size(); ++i) {
       const sim::EffectParameter& parameter = change.effect->parameters[static_cast<std::size_t>(i)];
-      const double value = parameter.nominal + fit.z[i] * change.deviation[i];
-      const double half = kTwoSided95 * std::sqrt(std::max(0.0, fit.covariance(i, i))) * change.deviation[i];
-      cause.parameters[parameter.name] = {value, value - half, value + half};
+      const double value = change.ValueAt(i, fit.z[i]);
+      const double half = kTwoSided95 * std::sqrt(std::max(0.0, fit.covariance(i, i)));
+      cause.parameters[parameter.name] = {value, change.ValueAt(i, fit.z[i] - half),
+                                          change.ValueAt(i, fit.z[i] + half)};
       cause.bound_hit |= value < parameter.lower || value > parameter.upper;
     }
     return cause;
@@ -196,9 +199,19 @@ class Diagnosing {
       const ChangeFit& fit = search_.fits[k];
       const PostureChange& change = ChangeOf(fit);
       if (!change.number || !posterior_.same[k]) continue;
-      const double value = change.number->ValueAt(fit.z[0] * change.deviation[0]);
+      const double value = change.ValueAt(0, fit.z[0]);
       d_.suspected.push_back({change.number->key, change.number->in_file, value, posterior_.closed});
     }
+  }
+
+  std::string NotLearnedText() const {
+    return fmt::format(
+        "The robot cannot be learned from the runs before: it misses its disks by {} in states that it was "
+        "not "
+        "fitted to, where they move by {}. Check lengths, holes, motor directions and the frame in the robot "
+        "file and the map, and give a section more units a disk. ",
+        PointsText([&](int p) { return learned_.Floor(p); }),
+        PointsText([&](int p) { return learned_.Motion(p); }));
   }
 
   std::string NumbersText() const {
@@ -225,7 +238,9 @@ class Diagnosing {
     for (std::size_t k = 0; k < posterior_.fits.size(); ++k) {
       if (posterior_.same[k]) group += posterior_.fits[k];
     }
-    if (posterior_.none >= 0.5) {
+    if (posterior_.not_learned) {
+      d_.verdict = Verdict::kInsufficientData;
+    } else if (posterior_.none >= 0.5) {
       d_.verdict = Verdict::kNoGap;
     } else if (first == nullptr || listed < 0.5 * (1 - posterior_.none) || !d_.doubt.empty()) {
       d_.verdict = Verdict::kUnexplained;
@@ -269,7 +284,7 @@ class Diagnosing {
     d_.degradations.push_back(fmt::format(
         "the robot as learned from the runs before misses its disks by {} in states that it was not "
         "fitted to: the floor",
-        FloorText()));
+        PointsText([&](int p) { return learned_.Floor(p); })));
     d_.degradations.push_back("its numbers furthest from the file: " + NumbersMoved());
     for (const Postures* postures : {&before_, &after_}) {
       for (std::string& line : postures->Lost()) d_.degradations.push_back(std::move(line));
@@ -296,15 +311,16 @@ class Diagnosing {
     return text;
   }
 
-  /// "1.4 / 3.8 mm and 1.2 deg".
-  std::string FloorText() const {
+  /// "1.4 / 3.8 mm and 1.2 deg", of a value in metres by point.
+  template <class Value>
+  std::string PointsText(Value value_m) const {
     std::string places, turns;
     for (int p = 0; p < static_cast<int>(before_.points.size()); ++p) {
       const bool turn = before_.IsTurn(3 * p);
       std::string& text = turn ? turns : places;
-      const double floor = learned_.Floor(p) / before_.PerUnit(3 * p);
+      const double value = value_m(p) / before_.PerUnit(3 * p);
       text += fmt::format("{}{:.1f}", text.empty() ? "" : " / ",
-                          turn ? floor * 180 / std::numbers::pi : 1e3 * floor);
+                          turn ? value * 180 / std::numbers::pi : 1e3 * value);
     }
     if (!places.empty()) places += " mm";
     if (!turns.empty()) turns += " deg";

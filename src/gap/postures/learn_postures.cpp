@@ -63,6 +63,10 @@ class Learning {
           "runs",
           measured_.rows(), kLeastPostures));
     }
+    const Eigen::MatrixXd moved = postures_.Moved();
+    out_.motion_m.resize(measured_.cols() / 3);
+    for (Eigen::Index p = 0; p < out_.motion_m.size(); ++p)
+      out_.motion_m[p] = PointRms(moved, static_cast<int>(p));
     now_ = At(out_.x);
     out_.as_filed_m = measured_ - now_.channels_m;
     Settle(kMostSteps, true);

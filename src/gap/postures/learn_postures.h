@@ -41,6 +41,7 @@ struct LearnedPostures {
   Eigen::MatrixXd precision;   // of the posterior there
   Eigen::MatrixXd held_out_m;  // measured less predicted, each quarter with the numbers that the others give
   Eigen::MatrixXd as_filed_m;  // the same with the numbers of the file
+  Eigen::VectorXd motion_m;    // by point, see Motion
   Discrepancy discrepancy;
   int unsolved = 0;  // states without an equilibrium
   int steps = 0;     // of all fits, those without a quarter included
@@ -49,6 +50,8 @@ struct LearnedPostures {
   PostureRobot RobotAt(const Eigen::VectorXd& changes) const { return WithNumbers(file, numbers, changes); }
   /// Rms distance that the learned robot misses a point by (from 0), held out [m].
   double Floor(int point) const;
+  /// Rms distance of a point (from 0) from its mean over the states [m].
+  double Motion(int point) const { return motion_m[point]; }
 };
 
 /// Rms distance of a point (from 0) over the rows of S x C residuals [m].

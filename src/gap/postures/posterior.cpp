@@ -14,7 +14,7 @@
 namespace tendril::gap {
 namespace {
 
-// Prior probabilities: of no change, of one in the library (shared evenly), of one outside it.
+// Prior probabilities: of no change, of one in the library, of one outside it.
 constexpr double kNone = 0.5, kListed = 0.4, kUnlisted = 0.1;
 // Half of a 95 % interval of the mean of kQuarters values, in standard errors (Student, three degrees).
 constexpr double kOfQuarters95 = 3.182;
@@ -36,11 +36,13 @@ class Weighing {
 
   ChangePosterior Result() {
     const double gap = WeighHypotheses();
+    p_.not_learned = TooLittleLearned();
     // No hypothesis is certain.
     const double shown = gap >= 0.5 ? gap : kUnseen + (1 - 2 * kUnseen) * gap;
     for (double& its : p_.fits) its *= (1 - kLapse) * (gap > 0 ? shown / gap : 0);
     p_.none = 1 - shown;
     if (!search_.fits.empty() && gap >= 0.5) CheckBest();
+    if (p_.not_learned) Distrust();
     p_.unlisted = 1 - p_.none - std::accumulate(p_.fits.begin(), p_.fits.end(), 0.0);
     return std::move(p_);
   }
@@ -48,23 +50,44 @@ class Weighing {
  private:
   int points() const { return static_cast<int>(search_.before_m.cols()) / 3; }
 
+  const PostureChange& ChangeOf(const ChangeFit& fit) const {
+    return search_.changes[static_cast<std::size_t>(fit.change)];
+  }
+
   /// The probability of a change that matters.
   double WeighHypotheses() {
-    const auto count = static_cast<double>(std::max<std::size_t>(1, search_.fits.size()));
-    const double each = std::log(kListed / count);
     const double none = std::log(kNone) + search_.none_log_evidence;
     const double unlisted = std::log(kUnlisted) + search_.unlisted_log_evidence;
     double top = std::max(none, unlisted);
-    for (const ChangeFit& fit : search_.fits) top = std::max(top, each + fit.log_evidence);
+    const auto log_joint = [](const ChangeFit& fit) { return std::log(kListed) + fit.LogJoint(); };
+    for (const ChangeFit& fit : search_.fits) top = std::max(top, log_joint(fit));
     double sum = std::exp(none - top) + std::exp(unlisted - top);
-    for (const ChangeFit& fit : search_.fits) sum += std::exp(each + fit.log_evidence - top);
+    for (const ChangeFit& fit : search_.fits) sum += std::exp(log_joint(fit) - top);
     double gap = AnyExcess(search_.before_m) ? std::exp(unlisted - top) / sum : 0;
     for (const ChangeFit& fit : search_.fits) {
-      p_.fits.push_back(Matters(fit) * std::exp(each + fit.log_evidence - top) / sum);
+      p_.fits.push_back(Matters(fit) * std::exp(log_joint(fit) - top) / sum);
       p_.same.push_back(search_.fits.front().log_evidence - fit.log_evidence < kSame);
       gap += p_.fits.back();
     }
     return gap;
+  }
+
+  /// Where the learned robot predicts no point better than a quarter of its variance, it is not this robot.
+  bool TooLittleLearned() const {
+    constexpr double kLeastExplained = 0.75;
+    for (int p = 0; p < points(); ++p) {
+      if (std::pow(learned_.Floor(p) / learned_.Motion(p), 2) < 1 - kLeastExplained) return false;
+    }
+    return true;
+  }
+
+  /// Nothing is likelier than not.
+  void Distrust() {
+    double most = p_.none;
+    for (const double its : p_.fits) most = std::max(most, its);
+    if (most <= 0.5) return;
+    p_.none *= 0.5 / most;
+    for (double& its : p_.fits) its *= 0.5 / most;
   }
 
   bool AnyExcess(const Eigen::MatrixXd& residuals) const {
@@ -86,6 +109,8 @@ class Weighing {
                              Percent(p_.closed->value), Percent(1 - kMayStay));
     } else if (p_.leftover_sigma > kMostLeft_sigma) {
       p_.doubt = fmt::format("{:.2g} sigma beyond the floor remain", p_.leftover_sigma);
+    } else {
+      p_.doubt = ChangeOf(search_.fits.front()).OutOfRange(search_.fits.front().z);
     }
     const double first = *std::max_element(p_.fits.begin(), p_.fits.end());
     if (p_.doubt.empty() || first <= 0.5) return;

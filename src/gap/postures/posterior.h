@@ -13,6 +13,7 @@ struct ChangePosterior {
   double none = 0, unlisted = 0;   // nothing that matters; something that is no hypothesis
   std::vector<double> fits;        // of ChangeSearch::fits; with the others 1
   std::vector<char> same;          // of each: these states do not tell it from the first
+  bool not_learned = false;        // too little of the robot from before, to tell anything
   double leftover_sigma = 0;       // of the best fit, predicted
   std::optional<Estimate> closed;  // by the best fit, predicted; empty where there was no excess
   std::string doubt;               // why the best is not established, as a clause; empty where it is

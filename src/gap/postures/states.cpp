@@ -9,6 +9,8 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "../rotation.h"
+
 namespace tendril::gap {
 namespace {
 
@@ -170,6 +172,26 @@ Eigen::MatrixXd Postures::Stacked(Eigen::MatrixXd States::*values) const {
     row += (run.*values).rows();
   }
   return all;
+}
+
+Eigen::MatrixXd Postures::Moved() const {
+  Eigen::MatrixXd all = Stacked(&States::seen_m);
+  const Eigen::MatrixXd quaternions = Stacked(&States::quaternion);
+  const auto at = [&](Eigen::Index state, Eigen::Index turn) {
+    const Eigen::RowVector4d w = quaternions.row(state).segment<4>(4 * turn);
+    return Eigen::Quaterniond(w[0], w[1], w[2], w[3]);
+  };
+  Eigen::Index turn = 0;
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    if (!points[p].turn) continue;
+    for (Eigen::Index i = 0; i < all.rows(); ++i) {
+      const Eigen::Matrix3d from_first = (at(0, turn).conjugate() * at(i, turn)).toRotationMatrix();
+      all.row(i).segment<3>(3 * static_cast<Eigen::Index>(p)) =
+          lever_m * RotationVector(from_first).transpose();
+    }
+    ++turn;
+  }
+  return all.rowwise() - all.colwise().mean();
 }
 
 std::string Postures::ChannelName(Eigen::Index channel) const {

@@ -43,6 +43,8 @@ struct Postures {
   /// What a value of a channel has to be divided by to be in that unit.
   double PerUnit(Eigen::Index channel) const { return IsTurn(channel) ? lever_m : 1; }
   bool IsTurn(Eigen::Index channel) const { return points[static_cast<std::size_t>(channel / 3)].turn; }
+  /// S x C of all runs: every channel from its mean.
+  Eigen::MatrixXd Moved() const;
   /// Keeps these of its points only.
   void Keep(const std::vector<PosturePoint>& kept);
   /// A line each run that lost states.
