@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 
+#include "postures/states.h"
 #include "prepare.h"
 
 namespace tendril::gap {
@@ -111,20 +112,26 @@ std::vector<CutOfSet> CutsOf(const DataSet& set) {
     }
     cut.lacks = Listed(least);
     if (!cut.allowed() || !needs.a_tendon) cut.without.clear();
+    cut.with_before = needs.cut == Cut::kShape && !cut.allowed() && ShowsPostures(set);
     cuts.push_back(std::move(cut));
   }
   return cuts;
 }
 
 bool AnyCut(const std::vector<CutOfSet>& cuts) {
-  return std::any_of(cuts.begin(), cuts.end(),
-                     [](const CutOfSet& c) { return c.allowed() && c.cut != Cut::kClock; });
+  return std::any_of(cuts.begin(), cuts.end(), [](const CutOfSet& c) {
+    return (c.allowed() && c.cut != Cut::kClock) || c.with_before;
+  });
 }
 
 std::string CutsLine(const std::vector<CutOfSet>& cuts) {
   std::string can, cannot;
   for (const CutOfSet& cut : cuts) {
     const std::string name(sim::CutName(cut.cut));
+    if (cut.with_before) {
+      can += fmt::format("{}{} (with runs from before a change: --before)", can.empty() ? "" : ", ", name);
+      continue;
+    }
     if (!cut.allowed()) {
       cannot += fmt::format("{}{} (no {})", cannot.empty() ? "" : ", ", name, cut.lacks);
       continue;

@@ -68,7 +68,8 @@ void Checkup::WholeSet() {
   for (const Run& run : set_.runs) {
     families.insert(run.family);
     repeats = repeats || !run.repeat_of.empty();
-    tip = tip || run.tip_m.cols() > 0 || run.bending_rad.cols() > 0 || run.tip_quaternion.cols() > 0;
+    tip = tip || run.tip_m.cols() > 0 || run.bending_rad.cols() > 0 || run.tip_quaternion.cols() > 0 ||
+          run.disks_m.cols() > 0 || run.disk_quaternion.cols() > 0;
     tension = tension || run.tension_N.array().isFinite().any();
     torque = torque || run.torque_actual_Nm.cols() > 0;
     motor = motor || run.motor_position_rad.cols() > 0;

@@ -5,7 +5,8 @@ A block to run is fenced ```{.sh .run}, ```{.sh .live} where it needs LCM (--kin
 or ```{.sh .vcan} where it needs a virtual CAN bus (--kind vcan, under tools/vcan-run); the block of class `output` that
 follows it shows its standard output. Blocks of one kind run in order in one fresh folder, with the programs of --bin
 first on PATH and the source tree in $TENDRIL. In an output block "..." matches anything: on a line of its own any
-number of lines, within a line any text. Spaces count as one. Numbers must be equal unless the block says tolerance="5%".
+number of lines, within a line any text. Spaces count as one. Numbers must be equal unless the block says tolerance="5%". A page on data that are no part
+of the project is skipped (exit status 77) where --data names no folder.
 """
 import argparse
 import contextlib
@@ -152,6 +153,20 @@ def run_page(page, binaries, source, kind="run", keep=None):
     return None
 
 
+@contextlib.contextmanager
+def shortened(name, rows):
+    """In this context $NAME is a folder of the same tables with their first rows only."""
+    if not (name and rows):
+        yield
+        return
+    with tempfile.TemporaryDirectory(prefix="tendril-tables-") as folder:
+        for table in sorted(pathlib.Path(os.environ[name]).glob("*.csv")):
+            lines = table.read_text(encoding="utf-8").splitlines(keepends=True)
+            (pathlib.Path(folder) / table.name).write_text("".join(lines[:1 + rows]), encoding="utf-8")
+        os.environ[name] = folder
+        yield
+
+
 def lines_of(text):
     """Lines without the empty ones: a blank line has no meaning in a page."""
     return [line for line in text.splitlines() if line.strip()]
@@ -163,13 +178,22 @@ def main():
     parser.add_argument("--bin", type=pathlib.Path, required=True, help="folder with the built programs")
     parser.add_argument("--source", type=pathlib.Path, required=True, help="source tree, $TENDRIL in the blocks")
     parser.add_argument("--kind", choices=sorted(KINDS), default="run", help="which blocks")
+    parser.add_argument("--data", metavar="NAME=FOLDER", help="tables of the page: $NAME in the blocks")
+    parser.add_argument("--rows", type=int, help="of each of them, from the first")
     parser.add_argument("--keep", type=pathlib.Path, help="an empty folder to run in, that stays")
     options = parser.parse_args()
     if not shutil.which("bash"):
         sys.exit("run_blocks: bash is not installed")
+    if options.data:
+        name, _, folder = options.data.partition("=")
+        if not pathlib.Path(folder).is_dir():
+            print(f"skipped: no {folder}")
+            sys.exit(77)
+        os.environ[name] = str(pathlib.Path(folder).resolve())
     try:
-        failure = run_page(options.page, options.bin.resolve(), options.source.resolve(), options.kind,
-                           options.keep)
+        with shortened(name if options.data else None, options.rows):
+            failure = run_page(options.page, options.bin.resolve(), options.source.resolve(), options.kind,
+                               options.keep)
     except (OSError, PageError) as error:
         sys.exit(f"{options.page}: {error}")
     if failure:

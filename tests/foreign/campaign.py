@@ -25,9 +25,14 @@ from tools.workers import Task, Workers, Wrong, positive
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = dict(cable="tests.foreign.mujoco_cable", elastica="tests.foreign.elastica_rod")
+PACKAGES = dict(cable="mujoco", elastica="pyelastica")  # as pip names them
 FEWEST, MOST = 100, 150  # postures of a table
 LOOKED_AT = 25  # of those after the change, for how far it moves the tip
 TIMEOUT_S = 3600
+INSTALL = (
+    "install tests/foreign/requirements.txt into an environment of its own and name its Python, "
+    "PYTHON=.../bin/python tools/gap_foreign ..."
+)
 # Both tables are imported with the same file and map, then the change is asked for.
 ASK = (
     'set -e; "$0" gap import --robot "$1/robot.yaml" --map "$1/map.yaml" "$1/before.csv" --out "$2/before" >/dev/null; '
@@ -39,6 +44,22 @@ ASK = (
 # ---- plan ----
 
 
+def plants_of(o):
+    return draw.PLANTS if o.plant == "both" else (o.plant,)
+
+
+def may_simulate(plants):
+    """Refuses a plant whose simulator this Python has not."""
+    for plant in plants:
+        try:
+            importlib.import_module(MODULES[plant])
+        except ModuleNotFoundError as missing:
+            raise Wrong(
+                f"--plant {plant}: {sys.executable} has no package {PACKAGES[plant]}, or not all that it needs "
+                f"({missing.name}); {INSTALL}"
+            ) from missing
+
+
 def planned(o, folder, vault):
     """(plant, change) of every set; what is interrupted goes on with the plan that was made."""
     for d in (folder / "sets", folder / "seals", folder / "answers", vault):
@@ -46,10 +67,8 @@ def planned(o, folder, vault):
     vault.chmod(0o700)
     with contextlib.suppress(FileExistsError):
         seal.write_once(folder / "vault", f"{vault.resolve()}\n")
-    plants = draw.PLANTS if o.plant == "both" else (o.plant,)
-    plan = dict(
-        sets=o.sets, seed=o.seed, plant=o.plant, kinds=draw.kinds_of(o.sets, plants, np.random.default_rng(o.seed))
-    )
+    kinds = draw.kinds_of(o.sets, plants_of(o), np.random.default_rng(o.seed))
+    plan = dict(sets=o.sets, seed=o.seed, plant=o.plant, kinds=kinds)
     path = vault / "plan.json"
     with contextlib.suppress(FileExistsError):
         seal.write_once(path, json.dumps(plan))
@@ -325,6 +344,7 @@ def main():
         raise Wrong(f"--out {o.out}: is a file; name a folder")
     vault = folder.with_name(folder.name + ".vault")
     program(o.tendril)  # refused before anything is made
+    may_simulate(plants_of(o))
     seal.may_be_vault(vault, folder)
     kinds = planned(o, folder, vault)
     lost = make(o, folder, vault, kinds) + diagnose(o, folder, vault)
@@ -345,12 +365,7 @@ if __name__ == "__main__":
     except Wrong as error:
         sys.exit(print(f"gap_foreign: {error}", file=sys.stderr) or 2)
     except ModuleNotFoundError as missing:
-        print(
-            f"gap_foreign: no Python package {missing.name}: install those of tests/foreign/requirements.txt and name "
-            "the Python that has them, PYTHON=.../bin/python tools/gap_foreign ...",
-            file=sys.stderr,
-        )
-        sys.exit(2)
+        sys.exit(print(f"gap_foreign: {sys.executable} has no package {missing.name}; {INSTALL}", file=sys.stderr) or 2)
     except (RuntimeError, OSError, KeyError, ValueError) as error:
         print(f"gap_foreign: {error}", file=sys.stderr)
         sys.exit(1)

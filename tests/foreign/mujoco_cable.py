@@ -1,10 +1,10 @@
 """A tendon robot in MuJoCo: a cable of rigid pieces joined by elastic ball joints and slides, disks on it, spatial
 tendons through their holes that are springs with a dead band, MuJoCo's own tendon which pulls only.
 
-MuJoCo's plugin for cables went with version 4; its pieces and joints are these. A ball joint resists bending and twist
-alike, as a round rod without Poisson's effect does. Each joint lies in the middle of the piece of rod that it stands
-for and the order of slide and ball changes from joint to joint, so that the error falls with the square of the pieces.
-Equilibria by Newton on MuJoCo's own forces, its energy deciding how far each step goes."""
+MuJoCo 4 has no plugin for cables any more; these are the pieces and joints that it was made of. A ball joint resists
+bending and twist alike, as a round rod without Poisson's effect does. Each joint lies in the middle of the piece of rod
+that it stands for and the order of slide and ball changes from joint to joint, so that the error falls with the square
+of the pieces. Equilibria by Newton on MuJoCo's own forces, its energy deciding how far each step goes."""
 
 import mujoco
 import numpy as np

@@ -3,6 +3,8 @@ files. Leaves with 77, which ctest shows as skipped, where their packages are mi
 
 import importlib.util
 import math
+import os
+import subprocess
 import sys
 import tempfile
 import unittest
@@ -129,18 +131,69 @@ class Agreement(unittest.TestCase):
         coarse, fine = Cable(robot).postures(angles), Cable(robot, 8).postures(angles)
         self.assertLess(np.abs(coarse - fine).max(), 0.01 * np.ptp(fine[:, -1], 0).max())
 
-    @unittest.skipUnless(ELASTICA, "no PyElastica plant")
-    def test_both_plants_take_the_same_postures(self):
+
+
+@unittest.skipUnless(ELASTICA, "no package pyelastica")
+class Elastica(unittest.TestCase):
+    def test_both_plants_take_the_same_postures_before_and_after_each_change(self):
+        for seed in (8, 1):  # one section and two
+            rng = np.random.default_rng(seed)
+            robot = draw.robot(rng)
+            angles = draw.postures(robot, rng, 3)
+            changes = [draw.change(robot, kind, rng) for kind in draw.CHANGES]
+            for what in (None, *changes):
+                its = draw.changed(robot, what) if what else robot
+                one, other = (postures(plant, its, angles) for plant in draw.PLANTS)
+                with self.subTest(seed=seed, change=what):
+                    self.assertLess(np.abs(one - other).max(), 0.02 * np.ptp(one[:, -1], 0).max())
+
+    def test_its_tendons_pull_as_those_of_tendons_py(self):
+        from tests.foreign.elastica_rod import Rod, pull_tendons
+
+        rng = np.random.default_rng(3)
+        robot = draw.robot(rng)
+        pull = draw.pulls(robot, draw.postures(robot, rng, 2))[1]
+        rod = Rod(robot)
+        rod.settle(pull)
+        p, Q = rod.seen(), np.moveaxis(rod.rod.director_collection[..., rod.disks], 2, 0).copy()
+        holes = np.array([(*hole, 0.0) for hole, _ in tendons.routes(robot)])
+        last = np.array([disk for _, disk in tendons.routes(robot)])
+        force, moment = np.zeros_like(p), np.zeros_like(p)
+        pull_tendons(p, Q, holes, last, robot["tendon_stiffness_Npm"], rod.rest, force, moment)
+        expected = tendons.wrenches(robot, p, np.swapaxes(Q, 1, 2), pull)
+        self.assertGreater(np.abs(expected[0]).max(), 0.1)
+        np.testing.assert_allclose((force, moment), expected, atol=1e-9)
+
+    def test_finer_pieces_and_a_longer_rest_move_it_by_little(self):
+        from tests.foreign import elastica_rod
+
         rng = np.random.default_rng(8)
         robot = draw.robot(rng)
-        angles = draw.postures(robot, rng, 4)
-        one, other = (postures(plant, robot, angles) for plant in draw.PLANTS)
-        self.assertLess(np.abs(one - other).max(), 0.02 * np.ptp(one[:, -1], 0).max())
+        angles = draw.postures(robot, rng, 3)
+        coarse, fine = elastica_rod.postures(robot, angles), elastica_rod.Rod(robot, 8).postures(angles)
+        self.assertLess(np.abs(coarse - fine).max(), 0.01 * np.ptp(fine[:, -1], 0).max())
+        with mock.patch.object(elastica_rod, "STILL", 2e-9):
+            self.assertLess(np.abs(elastica_rod.postures(robot, angles) - coarse).max(), 2e-6)
+
+    def test_without_its_package_the_campaign_names_it_and_makes_nothing(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            Path(scratch, "elastica.py").write_text("raise ModuleNotFoundError(name='elastica')\n")
+            out = Path(scratch, "out")
+            args = ["--sets", "1", "--seed", "1", "--plant", "elastica", "--tendril", sys.executable, "--out", str(out)]
+            run = subprocess.run(
+                [sys.executable, "-B", "-m", "tests.foreign.campaign", *args],
+                env=dict(os.environ, PYTHONPATH=os.pathsep.join([scratch, str(campaign.ROOT)]), PYTHONSAFEPATH="1"),
+                capture_output=True,
+                text=True,
+            )
+            self.assertEqual(run.returncode, 2, run.stderr)
+            self.assertRegex(run.stderr, "--plant elastica: .* has no package pyelastica")
+            self.assertFalse(out.exists())
 
 
 class Draw(unittest.TestCase):
     def test_same_seed_gives_the_same_files(self):
-        with mock.patch.multiple(campaign, FEWEST=4, MOST=5), tempfile.TemporaryDirectory() as scratch:
+        with mock.patch.multiple(campaign, FEWEST=2, MOST=3), tempfile.TemporaryDirectory() as scratch:
             digests = []
             for name, seed in (("a", 4), ("b", 4), ("c", 5)):
                 folder = Path(scratch, name)

@@ -10,6 +10,7 @@
 
 #include "gap/implausible.h"
 #include "gap/postures/diagnose_postures.h"
+#include "gap/postures/directions.h"
 #include "gap/postures/learn_postures.h"
 #include "gap/postures/posterior.h"
 #include "gap/rotation.h"
@@ -17,6 +18,7 @@
 #include "support/hose.h"
 #include "tendril/config/config.h"
 #include "tendril/gap/calibrate.h"
+#include "tendril/gap/cuts.h"
 #include "tendril/gap/data_set.h"
 #include "tendril/gap/run_table.h"
 #include "tendril/robot_file/robot_patch.h"
@@ -431,6 +433,44 @@ TEST(Postures, ACalibrationWritesTheRobotThatMoved) {
 
 // Names exchanged for a second and a half, ghosts and dropouts of a quarter of the frames: named, masked, and
 // the same robot learned.
+TEST(Postures, DirectionsThatNobodyKnowsAreReadAndLearned) {
+  RobotParameters sketch = Hose();
+  for (std::size_t k = 0; k < 2; ++k) {
+    for (std::size_t j = 0; j < 4; ++j) {
+      sketch.body.sections[k].tendons[j].angle_rad = 0;
+      sketch.uncertain["body.sections[" + std::to_string(k + 1) + "].tendons[" + std::to_string(j + 1) +
+                       "].angle_rad"] = {Uncertainty::Kind::kUnknown, 0};
+    }
+  }
+  const RobotParameters built = AsBuilt();
+  DataSet set{"set", sketch, false, {Moved(built, "run", 1)}, {}};
+  CalibrateOptions options;
+  options.threads = 2;
+  const Calibration found = Calibrate(set, options);
+  for (std::size_t k = 0; k < 2; ++k) {
+    for (std::size_t j = 0; j < 4; ++j) {
+      const double off =
+          found.robot.body.sections[k].tendons[j].angle_rad - built.body.sections[k].tendons[j].angle_rad;
+      EXPECT_LT(std::abs(std::remainder(off, 2 * std::numbers::pi)), 0.06) << k << " " << j;
+    }
+  }
+  for (const CalibratedChannel& c : found.channels) EXPECT_LT(c.held_out, 1.2e-3) << c.name;
+  const auto says = [&](const std::string& words) {
+    return std::any_of(found.notes.begin(), found.notes.end(),
+                       [&](const std::string& line) { return line.find(words) != std::string::npos; });
+  };
+  EXPECT_TRUE(says("section 2: unknown directions of tendons begin"));
+
+  // A motor that stands still tells nothing, and the file's value stays.
+  gap::Run& run = set.runs.front();
+  run.motor_position_rad.col(3).setZero();
+  RobotParameters robot = sketch;
+  const std::vector<std::string> lines = ReadDirections(PosturesOf({&run}, sketch), robot);
+  ASSERT_EQ(lines.size(), 3u);
+  EXPECT_NE(lines[1].find("no direction can be read of tendons 4,"), std::string::npos) << lines[1];
+  EXPECT_EQ(robot.body.sections[0].tendons[3].angle_rad, 0);
+}
+
 TEST(Postures, ReadingsThatCannotBeAreLeftOut) {
   DataSet set{"set", Hose(), false, {Moved(AsBuilt(), "run", 1)}, {}};
   CalibrateOptions options;
@@ -482,6 +522,10 @@ TEST(Postures, AreOfRunsWithoutTorqueAndTension) {
   EXPECT_TRUE(ShowsPostures(set));
   EXPECT_TRUE(CanLearnPostures(set));
   EXPECT_FALSE(CanDiagnosePostures(set));  // nothing from before
+  const std::vector<CutOfSet> cuts = CutsOf(set);
+  EXPECT_TRUE(AnyCut(cuts));
+  EXPECT_NE(CutsLine(cuts).find("C4 (with runs from before a change: --before)"), std::string::npos)
+      << CutsLine(cuts);
   set.runs.front().tension_N = Eigen::MatrixXd::Ones(run.time_s.size(), 8);
   EXPECT_FALSE(ShowsPostures(set));
 }

@@ -18,6 +18,8 @@ struct CutOfSet {
   /// Tendons, counted from 1, for which no run has these channels; empty where none is missing, or where the
   /// cut is not one of single tendons.
   std::vector<int> without;
+  /// Only beside runs from before a change, from which such a robot is learned: its motors hold positions.
+  bool with_before = false;
 
   bool allowed() const { return lacks.empty(); }
 };
@@ -25,7 +27,7 @@ struct CutOfSet {
 /// C0 to C6 in order.
 std::vector<CutOfSet> CutsOf(const DataSet& set);
 
-/// True where any cut can be compared besides the time stamps (C0).
+/// True where any cut can be compared besides the time stamps (C0), alone or with runs from before.
 bool AnyCut(const std::vector<CutOfSet>& cuts);
 
 /// One line: "can be compared: C0, C4; not C1 (no target torque), ...".

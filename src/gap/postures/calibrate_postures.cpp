@@ -10,6 +10,7 @@
 
 #include "../interval.h"
 #include "../readable.h"
+#include "directions.h"
 #include "learn_postures.h"
 #include "tendril/core/parallel.h"
 
@@ -23,13 +24,14 @@ class Calibrating {
     RefuseContradictions(readable_);
     std::vector<const Run*> runs;
     for (const Run& run : readable_.set.runs) runs.push_back(&run);
-    postures_ = PosturesOf(runs, readable_.set.robot);
+    postures_ = PosturesOf(runs, file_);
+    for (std::string& line : ReadDirections(postures_, file_)) found_.notes.push_back(std::move(line));
     LearnPosturesOptions learning;
     learning.threads = options.threads > 0 ? options.threads : AllCores();
     learning.progress = [&options](double fraction) {
       if (options.progress) options.progress("learning the robot's numbers", fraction);
     };
-    learned_ = LearnPostures(readable_.set.robot, postures_, !readable_.set.fit_frame, learning);
+    learned_ = LearnPostures(file_, postures_, !readable_.set.fit_frame, learning);
   }
 
   Calibration Result() {
@@ -100,7 +102,7 @@ class Calibrating {
           fmt::format("{} states without an equilibrium of the learned robot", learned_.unsolved));
   }
 
-  const RobotParameters& file_;
+  RobotParameters file_;  // with directions that it calls unknown read from the runs
   Calibration found_;
   const ReadableSet readable_;
   Postures postures_;

@@ -13,6 +13,7 @@
 #include "../judge.h"
 #include "../readable.h"
 #include "../sentence.h"
+#include "directions.h"
 #include "posterior.h"
 #include "tendril/config/config.h"
 #include "tendril/core/parallel.h"
@@ -44,6 +45,8 @@ class Diagnosing {
     before_ = PosturesOf(RunsOf(set_, true), set_.robot);
     after_ = PosturesOf(RunsOf(set_, false), set_.robot);
     KeepCommonPoints();
+    for (std::string& line : ReadDirections(before_, readable_.set.robot))
+      d_.degradations.push_back(std::move(line));
     learned_ = LearnPostures(set_.robot, before_, !set_.fit_frame,
                              {threads_, Stage("learning the robot from the runs before the change")});
     search_ = SearchChange(
@@ -328,7 +331,7 @@ class Diagnosing {
   }
 
   Diagnosis d_;
-  const ReadableSet readable_;
+  ReadableSet readable_;
   const DataSet& set_;
   const DiagnoseOptions& options_;
   const int threads_;
