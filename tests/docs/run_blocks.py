@@ -5,8 +5,8 @@ A block to run is fenced ```{.sh .run}, ```{.sh .live} where it needs LCM (--kin
 or ```{.sh .vcan} where it needs a virtual CAN bus (--kind vcan, under tools/vcan-run); the block of class `output` that
 follows it shows its standard output. Blocks of one kind run in order in one fresh folder, with the programs of --bin
 first on PATH and the source tree in $TENDRIL. In an output block "..." matches anything: on a line of its own any
-number of lines, within a line any text. Spaces count as one. Numbers must be equal unless the block says tolerance="5%". A page on data that are no part
-of the project is skipped (exit status 77) where --data names no folder.
+number of lines, within a line any text. Spaces count as one. Numbers must be equal unless the block says tolerance="5%".
+A page on data that are no part of the project is skipped (exit status 77) where --data names no folder.
 """
 import argparse
 import contextlib

@@ -17,11 +17,21 @@ import signal
 import sys
 from pathlib import Path
 
-import numpy as np
+INSTALL = (
+    "install tests/foreign/requirements.txt into an environment of its own and name its Python, "
+    "PYTHON=.../bin/python tools/gap_foreign ..."
+)
 
-from tests.blind import seal
-from tests.foreign import draw, table
-from tools.workers import Task, Workers, Wrong, positive
+try:
+    import numpy as np
+
+    from tests.blind import seal
+    from tests.foreign import draw, table
+    from tools.workers import Task, Workers, Wrong, positive
+except ModuleNotFoundError as missing:
+    if __name__ != "__main__":
+        raise
+    sys.exit(print(f"gap_foreign: {sys.executable} has no package {missing.name}; {INSTALL}", file=sys.stderr) or 2)
 
 ROOT = Path(__file__).resolve().parents[2]
 MODULES = dict(cable="tests.foreign.mujoco_cable", elastica="tests.foreign.elastica_rod")
@@ -29,10 +39,6 @@ PACKAGES = dict(cable="mujoco", elastica="pyelastica")  # as pip names them
 FEWEST, MOST = 100, 150  # postures of a table
 LOOKED_AT = 25  # of those after the change, for how far it moves the tip
 TIMEOUT_S = 3600
-INSTALL = (
-    "install tests/foreign/requirements.txt into an environment of its own and name its Python, "
-    "PYTHON=.../bin/python tools/gap_foreign ..."
-)
 # Both tables are imported with the same file and map, then the change is asked for.
 ASK = (
     'set -e; "$0" gap import --robot "$1/robot.yaml" --map "$1/map.yaml" "$1/before.csv" --out "$2/before" >/dev/null; '
