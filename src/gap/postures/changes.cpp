@@ -13,6 +13,7 @@
 
 #include "../judge.h"
 #include "../rotation.h"
+#include "posterior.h"
 #include "tendril/model/body.h"
 #include "tendril/sim/effects.h"
 
@@ -128,9 +129,16 @@ namespace {
 
 class Searching {
  public:
-  Searching(const LearnedPostures& learned, const RobotParameters& file, const Postures& after,
-            const ChangeOptions& options)
-      : learned_(learned), after_(after), options_(options), measured_(after.Stacked(&States::seen_m)) {
+  Searching(const LearnedPostures& learned, const RobotParameters& file, const Postures& before,
+            const Postures& after, const ChangeOptions& options)
+      : learned_(learned),
+        every_(std::max(1, static_cast<int>(learned.discrepancy.states_per_independent))),
+        before_(before.Thinned(every_)),
+        after_(after),
+        options_(options),
+        noise_before_{learned.discrepancy.covariance, learned.discrepancy.states_per_independent / every_},
+        measured_before_(before_.Stacked(&States::seen_m)),
+        measured_(after.Stacked(&States::seen_m)) {
     out_.changes = PostureChanges(file, options.without);
     states_ = static_cast<double>(measured_.rows()) / learned.discrepancy.states_per_independent;
   }
@@ -140,6 +148,7 @@ class Searching {
     const Eigen::VectorXd& x = learned_.x;
     begin_ = PointAt(nullptr, x, nothing);
     const Point& at = begin_;
+    squares_before_ = SquaresBefore(x);
     out_.before_m = measured_ - at.predicted.channels_m;
     out_.as_filed_m = measured_ - At(nullptr, Eigen::VectorXd::Zero(x.size()), nothing, 0).channels_m;
     const Normal numbers = NormalAt(at, x, nothing);
@@ -156,6 +165,9 @@ class Searching {
     Predicted predicted;
     Eigen::MatrixXd J;         // whitened, of numbers and parameters
     Eigen::VectorXd residual;  // whitened
+    // Of the states before the change and the numbers' priors, where the posterior's quadratic does not hold.
+    Eigen::MatrixXd J_before;
+    Eigen::VectorXd residual_before;
   };
   struct Normal {
     Eigen::MatrixXd A;
@@ -197,7 +209,7 @@ class Searching {
       fit.log_prior = -std::log(static_cast<double>(places.size()) * places[name(fit)]);
   }
 
-  void Refine(ChangeFit& fit) const {
+  void Refine(ChangeFit& fit) {
     const int index = fit.change;
     try {
       const double log_prior = fit.log_prior;
@@ -209,6 +221,10 @@ class Searching {
     if (!std::isfinite(fit.log_evidence)) fit.log_evidence = kNoEvidence;
     fit.change = index;
     fit.refined = true;
+    if (fit.log_evidence > best_log_evidence_) {
+      best_log_evidence_ = fit.log_evidence;
+      best_explains_ = Explains(fit);
+    }
   }
 
   static bool Likelier(const ChangeFit& a, const ChangeFit& b) { return a.LogJoint() > b.LogJoint(); }
@@ -227,26 +243,58 @@ class Searching {
   }
 
   Point PointAt(const PostureChange* change, const Eigen::VectorXd& x, const Eigen::VectorXd& z) const {
-    Point point{At(change, x, z, x.size() + z.size()), {}, {}};
+    Point point{At(change, x, z, x.size() + z.size()), {}, {}, {}, {}};
     point.residual = learned_.discrepancy.Whitened(measured_ - point.predicted.channels_m);
     point.J = learned_.discrepancy.Whitened(point.predicted.slopes);
     return point;
+  }
+
+  /// The states before the change as they are with these numbers, instead of the quadratic about learned_.x.
+  void AddBefore(const Eigen::VectorXd& x, Point& at, bool slopes) const {
+    const Eigen::Index n = x.size();
+    const Predicted there = PredictBefore(x, slopes ? n : 0);
+    at.residual_before.resize(measured_before_.size() + n);
+    at.residual_before << noise_before_.Whitened(measured_before_ - there.channels_m),
+        -learned_.prior.cwiseSqrt().cwiseProduct(x);
+    if (!slopes) return;
+    at.J_before.resize(at.residual_before.size(), n);
+    at.J_before << noise_before_.Whitened(there.slopes),
+        Eigen::MatrixXd(learned_.prior.cwiseSqrt().asDiagonal());
+  }
+
+  Predicted PredictBefore(const Eigen::VectorXd& x, Eigen::Index slopes) const {
+    return Predict([&](const Eigen::VectorXd& at) { return learned_.RobotAt(at); }, x,
+                   static_cast<int>(slopes), before_, options_.threads);
+  }
+
+  /// Twice the negative log of the numbers' posterior by the states before, but for a constant.
+  double SquaresBefore(const Eigen::VectorXd& x) const {
+    return noise_before_.Whitened(measured_before_ - PredictBefore(x, 0).channels_m).squaredNorm() +
+           learned_.prior.dot(x.cwiseAbs2());
   }
 
   /// Of the log posterior, numbers first.
   Normal NormalAt(const Point& at, const Eigen::VectorXd& x, const Eigen::VectorXd& z) const {
     const Eigen::Index n = x.size(), m = z.size();
     Normal normal{at.J.transpose() * at.J, at.J.transpose() * at.residual};
-    normal.A.topLeftCorner(n, n) += learned_.precision;
-    normal.b.head(n) -= learned_.precision * (x - learned_.x);
+    if (at.residual_before.size() > 0) {
+      normal.A.topLeftCorner(n, n) += at.J_before.transpose() * at.J_before;
+      normal.b.head(n) += at.J_before.transpose() * at.residual_before;
+    } else {
+      normal.A.topLeftCorner(n, n) += learned_.precision;
+      normal.b.head(n) -= learned_.precision * (x - learned_.x);
+    }
     normal.A.diagonal().tail(m).array() += 1;
     normal.b.tail(m) -= z;
     return normal;
   }
 
-  double Squares(const Eigen::VectorXd& residual, const Eigen::VectorXd& x, const Eigen::VectorXd& z) const {
+  double Squares(const Eigen::VectorXd& residual, const Eigen::VectorXd& x, const Eigen::VectorXd& z,
+                 bool joint) const {
     const Eigen::VectorXd moved = x - learned_.x;
-    return residual.squaredNorm() + moved.dot(learned_.precision * moved) + z.squaredNorm();
+    const double of_numbers =
+        joint ? SquaresBefore(x) - squares_before_ : moved.dot(learned_.precision * moved);
+    return residual.squaredNorm() + of_numbers + z.squaredNorm();
   }
 
   /// The discrepancy's size integrated out: a scaled inverse chi-square prior about that from before.
@@ -345,34 +393,66 @@ class Searching {
     return true;
   }
 
-  /// Numbers and parameters at their joint maximum. The numbers' slopes hold for a few steps, at first those
-  /// of the robot from before: most of the time goes into them.
+  /// Numbers and parameters at their joint maximum. The posterior of the numbers by the states before is
+  /// taken as the quadratic about its maximum, and by those states themselves where that is not true there.
   ChangeFit Refined(const PostureChange* change, Eigen::VectorXd x, Eigen::VectorXd z) const {
-    constexpr int kRounds = 6, kSteps = 5;
-    constexpr double kNearly = 0.02;
-    z *= 0.5;  // the step from no change often goes too far
+    constexpr double kTrue = 2;  // of the quadratic, in twice the log
+    z *= 0.5;                    // the step from no change often goes too far
     Point at = begin_;
     at.J.conservativeResize(Eigen::NoChange, x.size() + z.size());
     UpdateParameters(change, x, z, at);
-    double squares = Squares(at.residual, x, z);
-    for (int round = 0; round < kRounds; ++round) {
-      const double before = squares;
-      for (int step = 0; step < kSteps; ++step) {
-        const double gained = StepFrom(change, at, x, z, squares);
-        if (gained < kNearly) break;
-        UpdateParameters(change, x, z, at);
-      }
-      if (round > 0 && squares == before) break;
-      at = PointAt(change, x, z);
-      if (round > 0 && before - squares < kNearly) break;
+    double squares = ToMaximum(change, at, x, z, false);
+    const double quadratic = (x - learned_.x).dot(learned_.precision * (x - learned_.x));
+    if (!IsHopeless(change, at.residual.squaredNorm() + z.squaredNorm()) &&
+        std::abs(SquaresBefore(x) - squares_before_ - quadratic) > kTrue) {
+      AddBefore(x, at, true);
+      squares = ToMaximum(change, at, x, z, true);
     }
     return Summarised(change, at, x, z, squares);
   }
 
+  /// Whether another change explains all that matters, and this one would be less likely even if its numbers
+  /// cost nothing.
+  bool IsHopeless(const PostureChange* change, double squares) const {
+    return change != nullptr && best_explains_ &&
+           LogEvidence(squares, change->LogOneSided()) < best_log_evidence_ - kSame;
+  }
+
+  bool Explains(const ChangeFit& fit) const {
+    for (int p = 0; p < static_cast<int>(after_.points.size()); ++p) {
+      if (HasExcess(learned_, fit.held_out_m, p, options_.delta_m)) return false;
+    }
+    return true;
+  }
+
+  /// The numbers' slopes hold for a few steps, at first those of the robot from before: most of the time goes
+  /// into them. Returns the squares there; `at` has the slopes.
+  double ToMaximum(const PostureChange* change, Point& at, Eigen::VectorXd& x, Eigen::VectorXd& z,
+                   bool joint) const {
+    constexpr int kRounds = 6, kSteps = 5;
+    constexpr double kNearly = 0.02;
+    double squares = Squares(at.residual, x, z, joint);
+    for (int round = 0; round < kRounds; ++round) {
+      const double before = squares;
+      for (int step = 0; step < kSteps; ++step) {
+        const double gained = StepFrom(change, at, x, z, squares, joint);
+        if (gained < kNearly) break;
+        UpdateParameters(change, x, z, at);
+        if (joint) AddBefore(x, at, false);
+      }
+      if (round > 0 && squares == before) break;
+      at = PointAt(change, x, z);
+      if (joint) AddBefore(x, at, true);
+      if (round > 0 && before - squares < kNearly) break;
+    }
+    return squares;
+  }
+
   /// Infinite where there is no such robot.
-  double SquaresAt(const PostureChange* change, const Eigen::VectorXd& x, const Eigen::VectorXd& z) const {
+  double SquaresAt(const PostureChange* change, const Eigen::VectorXd& x, const Eigen::VectorXd& z,
+                   bool joint) const {
     try {
-      return Squares(learned_.discrepancy.Whitened(measured_ - At(change, x, z, 0).channels_m), x, z);
+      return Squares(learned_.discrepancy.Whitened(measured_ - At(change, x, z, 0).channels_m), x, z, joint);
     } catch (const std::invalid_argument&) {
       return std::numeric_limits<double>::infinity();
     }
@@ -380,14 +460,14 @@ class Searching {
 
   /// Moves to the first shorter and shorter step that is better; by how much.
   double StepFrom(const PostureChange* change, const Point& at, Eigen::VectorXd& x, Eigen::VectorXd& z,
-                  double& squares) const {
+                  double& squares, bool joint) const {
     const Normal normal = NormalAt(at, x, z);
     const Eigen::VectorXd way = normal.A.ldlt().solve(normal.b);
     for (double share = 1; share > 0.02; share /= 3) {
       const Eigen::VectorXd x1 = x + share * way.head(x.size());
       Eigen::VectorXd z1 = z + share * way.tail(z.size());
       if (change != nullptr) z1 = change->Possible(z1);
-      const double there = SquaresAt(change, x1, z1);
+      const double there = SquaresAt(change, x1, z1, joint);
       if (!(there < squares)) continue;
       const double gained = squares - there;
       x = x1;
@@ -513,12 +593,18 @@ class Searching {
   }
 
   const LearnedPostures& learned_;
+  const int every_;  // of the states before that say the same; one of them stands for all
+  const Postures before_;
   const Postures& after_;
   const ChangeOptions& options_;
-  const Eigen::MatrixXd measured_;
-  double states_ = 0;  // independent ones
-  Point begin_;        // the robot from before
-  ChangeFit none_;     // nothing changed
+  const Discrepancy noise_before_;
+  const Eigen::MatrixXd measured_before_, measured_;
+  double squares_before_ = 0;               // see SquaresBefore, at learned_.x
+  double states_ = 0;                       // independent ones
+  Point begin_;                             // the robot from before
+  double best_log_evidence_ = kNoEvidence;  // of the changes refined so far
+  bool best_explains_ = false;
+  ChangeFit none_;  // nothing changed
   ChangeSearch out_;
 };
 
@@ -542,9 +628,9 @@ double LeastThatMatters(const LearnedPostures& learned, int point, double delta_
   return std::max(delta_m, kOfFloor * learned.Floor(point));
 }
 
-ChangeSearch SearchChange(const LearnedPostures& learned, const RobotParameters& file, const Postures& after,
-                          const ChangeOptions& options) {
-  return Searching(learned, file, after, options).Result();
+ChangeSearch SearchChange(const LearnedPostures& learned, const RobotParameters& file, const Postures& before,
+                          const Postures& after, const ChangeOptions& options) {
+  return Searching(learned, file, before, after, options).Result();
 }
 
 }  // namespace tendril::gap

@@ -72,8 +72,8 @@ struct ChangeOptions {
 /// as much as moves the end of a straight body by that.
 double LeastThatMatters(const LearnedPostures& learned, int point, double delta_m);
 
-/// `after`: its points are those of the states that `learned` was inferred from.
-ChangeSearch SearchChange(const LearnedPostures& learned, const RobotParameters& file, const Postures& after,
-                          const ChangeOptions& options);
+/// `before`: the states that `learned` was inferred from; `after`: its points are theirs.
+ChangeSearch SearchChange(const LearnedPostures& learned, const RobotParameters& file, const Postures& before,
+                          const Postures& after, const ChangeOptions& options);
 
 }  // namespace tendril::gap

@@ -50,7 +50,7 @@ class Diagnosing {
     learned_ = LearnPostures(set_.robot, before_, !set_.fit_frame,
                              {threads_, Stage("learning the robot from the runs before the change")});
     search_ = SearchChange(
-        learned_, set_.robot, after_,
+        learned_, set_.robot, before_, after_,
         {options_.refits, options_.delta_m, options_.without, threads_, Stage("weighing every change")});
     posterior_ = PosteriorOf(learned_, search_, options_.delta_m);
     Provenance();

@@ -77,6 +77,7 @@ class Learning {
       noise_ = out_.discrepancy;
       out_.converged = Settle(kMostSteps, false);
     }
+    out_.prior = prior_;
     out_.precision = NormalAt(now_, out_.x).A;
     out_.unsolved = now_.unsolved;
     out_.steps = steps_;

@@ -38,6 +38,7 @@ struct LearnedPostures {
   std::vector<PostureNumber> numbers;
   PostureRobot file;
   Eigen::VectorXd x;           // changes at the maximum
+  Eigen::VectorXd prior;       // precision of each change before any run
   Eigen::MatrixXd precision;   // of the posterior there
   Eigen::MatrixXd held_out_m;  // measured less predicted, each quarter with the numbers that the others give
   Eigen::MatrixXd as_filed_m;  // the same with the numbers of the file

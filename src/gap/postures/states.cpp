@@ -200,6 +200,12 @@ std::string Postures::ChannelName(Eigen::Index channel) const {
                      point.turn ? "about " : "", "xyz"[channel % 3]);
 }
 
+Postures Postures::Thinned(int n) const {
+  Postures thinned = *this;
+  for (States& run : thinned.runs) Thin(run, n);
+  return thinned;
+}
+
 void Postures::Keep(const std::vector<PosturePoint>& kept) {
   std::vector<Eigen::Index> channels, numbers;  // of all, and of the turns' quaternions
   Eigen::Index turn = 0;
@@ -266,10 +272,7 @@ Postures PosturesOf(const std::vector<const Run*>& runs, const RobotParameters& 
     }
   }
   const int every = (postures.states() + kMostStates - 1) / kMostStates;
-  for (States& run : postures.runs) {
-    if (every > 1) Thin(run, every);
-  }
-  return postures;
+  return postures.Thinned(std::max(1, every));
 }
 
 }  // namespace tendril::gap

@@ -45,6 +45,8 @@ struct Postures {
   bool IsTurn(Eigen::Index channel) const { return points[static_cast<std::size_t>(channel / 3)].turn; }
   /// S x C of all runs: every channel from its mean.
   Eigen::MatrixXd Moved() const;
+  /// Every n-th state of each run.
+  Postures Thinned(int n) const;
   /// Keeps these of its points only.
   void Keep(const std::vector<PosturePoint>& kept);
   /// A line each run that lost states.
