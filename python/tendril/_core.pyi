@@ -281,7 +281,9 @@ class Run:
 
     @property
     def disks(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')] | None:
-        """Centre of every disk in the tracker's frame [m], x, y, z a disk, (S, 3D)."""
+        """
+        Centre of every disk in the tracker's frame [m], x, y, z a disk, (S, 3D).
+        """
 
     @property
     def disk_orientations(self) -> Annotated[NDArray[numpy.float64], dict(shape=(None, None), order='F')] | None:
