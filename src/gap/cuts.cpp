@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <array>
 
-#include "postures/states.h"
+#include "postures/learn_postures.h"
 #include "prepare.h"
 
 namespace tendril::gap {
@@ -92,6 +92,12 @@ std::string Listed(const std::vector<const char*>& words) {
   return text;
 }
 
+bool CanBeLearned(const DataSet& set) {
+  std::vector<const Run*> runs;
+  for (const Run& run : set.runs) runs.push_back(&run);
+  return ShowsPostures(set) && EnoughPostures(runs, set.robot);
+}
+
 }  // namespace
 
 std::vector<CutOfSet> CutsOf(const DataSet& set) {
@@ -112,7 +118,7 @@ std::vector<CutOfSet> CutsOf(const DataSet& set) {
     }
     cut.lacks = Listed(least);
     if (!cut.allowed() || !needs.a_tendon) cut.without.clear();
-    cut.with_before = needs.cut == Cut::kShape && !cut.allowed() && ShowsPostures(set);
+    cut.with_before = needs.cut == Cut::kShape && !cut.allowed() && CanBeLearned(set);
     cuts.push_back(std::move(cut));
   }
   return cuts;
