@@ -55,8 +55,8 @@ struct ImportMap {
   std::vector<MappedColumn> tip;                                                    // x, y, z, or empty
   std::vector<MappedColumn> disks;  // x, y, z of every disk, without names where it has no marker; or empty
   MappedOrientation orientation;    // of the tip
-  std::vector<MappedOrientation>
-      disk_orientations;          // of every disk, without columns where there is none; or empty
+  /// Of every disk, without columns where it has no sensor; or empty.
+  std::vector<MappedOrientation> disk_orientations;
   bool bending_is_polar = false;  // columns hold angle and plane of each section instead of us and vs
   std::vector<MappedColumn> bending;
 

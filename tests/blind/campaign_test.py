@@ -1,9 +1,9 @@
-"""A small sealed campaign from the draw to the score: four short sets of the foreign plant, what is planted drawn from the
+"""A small sealed campaign from the draw to the score: six short sets of the foreign plant, what is planted drawn from the
 system's randomness, each diagnosed by the program itself where it cannot read the answers. Prints the score's table.
 
-A sixth of the library is drawn from and looked for. Four sets show that the way from draw to score works, not how often the
-diagnosis is right: that is what campaigns of hundreds are for. Where one set in twenty-five is confidently wrong, one
-campaign of four in a hundred has two such."""
+A sixth of the library is drawn from and looked for. Six sets show that the way from draw to score works, not how often the
+diagnosis is right: that is what campaigns of hundreds are for. Where one set in fifty is confidently wrong, one campaign in
+two hundred has two such of six."""
 import tests.blind.packages  # noqa: F401  (first)
 import json
 import subprocess
@@ -12,7 +12,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-SETS, FAMILIES = 4, 2
+SETS, FAMILIES = 6, 2
 EFFECTS = "torque_constant motor_coulomb capstan_alpha backlash bending_stiffness tip_payload cell_gain".split()
 FREE = "presliding motor_presliding gear_presliding".split()  # what nobody knows, and is not drawn
 ROOT = Path(__file__).resolve().parents[2]

@@ -13,7 +13,6 @@
 
 #include "../judge.h"
 #include "../rotation.h"
-#include "posterior.h"
 #include "tendril/model/body.h"
 #include "tendril/sim/effects.h"
 
@@ -137,7 +136,7 @@ class Searching {
         after_(after),
         options_(options),
         noise_before_{learned.discrepancy.covariance, learned.discrepancy.states_per_independent / every_},
-        measured_before_(before_.Stacked(&States::seen_m)),
+        learned_before_m_(PredictBefore(learned.x, 0).channels_m),
         measured_(after.Stacked(&States::seen_m)) {
     out_.changes = PostureChanges(file, options.without);
     states_ = static_cast<double>(measured_.rows()) / learned.discrepancy.states_per_independent;
@@ -148,7 +147,6 @@ class Searching {
     const Eigen::VectorXd& x = learned_.x;
     begin_ = PointAt(nullptr, x, nothing);
     const Point& at = begin_;
-    squares_before_ = SquaresBefore(x);
     out_.before_m = measured_ - at.predicted.channels_m;
     out_.as_filed_m = measured_ - At(nullptr, Eigen::VectorXd::Zero(x.size()), nothing, 0).channels_m;
     const Normal numbers = NormalAt(at, x, nothing);
@@ -165,7 +163,7 @@ class Searching {
     Predicted predicted;
     Eigen::MatrixXd J;         // whitened, of numbers and parameters
     Eigen::VectorXd residual;  // whitened
-    // Of the states before the change and the numbers' priors, where the posterior's quadratic does not hold.
+    // Of the states before the change and the priors, see AddBefore; empty: the quadratic holds.
     Eigen::MatrixXd J_before;
     Eigen::VectorXd residual_before;
   };
@@ -249,13 +247,12 @@ class Searching {
     return point;
   }
 
-  /// The states before the change as they are with these numbers, instead of the quadratic about learned_.x.
+  /// What the numbers' posterior is far from its maximum, instead of the quadratic there: how far the states
+  /// before are predicted from where learned_.x predicts them, and the prior.
   void AddBefore(const Eigen::VectorXd& x, Point& at, bool slopes) const {
     const Eigen::Index n = x.size();
     const Predicted there = PredictBefore(x, slopes ? n : 0);
-    at.residual_before.resize(measured_before_.size() + n);
-    at.residual_before << noise_before_.Whitened(measured_before_ - there.channels_m),
-        -learned_.prior.cwiseSqrt().cwiseProduct(x);
+    at.residual_before = ResidualBefore(there, x);
     if (!slopes) return;
     at.J_before.resize(at.residual_before.size(), n);
     at.J_before << noise_before_.Whitened(there.slopes),
@@ -267,10 +264,16 @@ class Searching {
                    static_cast<int>(slopes), before_, options_.threads);
   }
 
-  /// Twice the negative log of the numbers' posterior by the states before, but for a constant.
+  Eigen::VectorXd ResidualBefore(const Predicted& there, const Eigen::VectorXd& x) const {
+    Eigen::VectorXd residual(learned_before_m_.size() + x.size());
+    residual << noise_before_.Whitened(learned_before_m_ - there.channels_m),
+        learned_.prior.cwiseSqrt().cwiseProduct(learned_.x - x);
+    return residual;
+  }
+
+  /// Twice the log of the numbers' posterior at its maximum over that here.
   double SquaresBefore(const Eigen::VectorXd& x) const {
-    return noise_before_.Whitened(measured_before_ - PredictBefore(x, 0).channels_m).squaredNorm() +
-           learned_.prior.dot(x.cwiseAbs2());
+    return ResidualBefore(PredictBefore(x, 0), x).squaredNorm();
   }
 
   /// Of the log posterior, numbers first.
@@ -292,8 +295,7 @@ class Searching {
   double Squares(const Eigen::VectorXd& residual, const Eigen::VectorXd& x, const Eigen::VectorXd& z,
                  bool joint) const {
     const Eigen::VectorXd moved = x - learned_.x;
-    const double of_numbers =
-        joint ? SquaresBefore(x) - squares_before_ : moved.dot(learned_.precision * moved);
+    const double of_numbers = joint ? SquaresBefore(x) : moved.dot(learned_.precision * moved);
     return residual.squaredNorm() + of_numbers + z.squaredNorm();
   }
 
@@ -393,8 +395,8 @@ class Searching {
     return true;
   }
 
-  /// Numbers and parameters at their joint maximum. The posterior of the numbers by the states before is
-  /// taken as the quadratic about its maximum, and by those states themselves where that is not true there.
+  /// Numbers and parameters at their joint maximum. The numbers' posterior counts as the quadratic about its
+  /// maximum, or where that is not true any more by the states before, predicted with the numbers there.
   ChangeFit Refined(const PostureChange* change, Eigen::VectorXd x, Eigen::VectorXd z) const {
     constexpr double kTrue = 2;  // of the quadratic, in twice the log
     z *= 0.5;                    // the step from no change often goes too far
@@ -404,7 +406,7 @@ class Searching {
     double squares = ToMaximum(change, at, x, z, false);
     const double quadratic = (x - learned_.x).dot(learned_.precision * (x - learned_.x));
     if (!IsHopeless(change, at.residual.squaredNorm() + z.squaredNorm()) &&
-        std::abs(SquaresBefore(x) - squares_before_ - quadratic) > kTrue) {
+        std::abs(SquaresBefore(x) - quadratic) > kTrue) {
       AddBefore(x, at, true);
       squares = ToMaximum(change, at, x, z, true);
     }
@@ -598,8 +600,8 @@ class Searching {
   const Postures& after_;
   const ChangeOptions& options_;
   const Discrepancy noise_before_;
-  const Eigen::MatrixXd measured_before_, measured_;
-  double squares_before_ = 0;               // see SquaresBefore, at learned_.x
+  const Eigen::MatrixXd learned_before_m_;  // the states before as the learned robot has them
+  const Eigen::MatrixXd measured_;
   double states_ = 0;                       // independent ones
   Point begin_;                             // the robot from before
   double best_log_evidence_ = kNoEvidence;  // of the changes refined so far
@@ -626,6 +628,16 @@ std::vector<PostureChange> PostureChanges(const RobotParameters& robot,
 double LeastThatMatters(const LearnedPostures& learned, int point, double delta_m) {
   constexpr double kOfFloor = 0.5;
   return std::max(delta_m, kOfFloor * learned.Floor(point));
+}
+
+double Excess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int point) {
+  const double rms = PointRms(residuals_m, point), floor = learned.Floor(point);
+  return std::sqrt(std::max(0.0, rms * rms - floor * floor));
+}
+
+bool HasExcess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int point,
+               double delta_m) {
+  return Excess(learned, residuals_m, point) > LeastThatMatters(learned, point, delta_m);
 }
 
 ChangeSearch SearchChange(const LearnedPostures& learned, const RobotParameters& file, const Postures& before,

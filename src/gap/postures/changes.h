@@ -71,6 +71,10 @@ struct ChangeOptions {
 /// Rms move of a point (from 0) that matters [m]: `delta_m`, and at least a share of the floor. Of a turn by
 /// as much as moves the end of a straight body by that.
 double LeastThatMatters(const LearnedPostures& learned, int point, double delta_m);
+/// Rms beyond the floor of a point (from 0) [m].
+double Excess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int point);
+/// It is more than does not matter.
+bool HasExcess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int point, double delta_m);
 
 /// `before`: the states that `learned` was inferred from; `after`: its points are theirs.
 ChangeSearch SearchChange(const LearnedPostures& learned, const RobotParameters& file, const Postures& before,

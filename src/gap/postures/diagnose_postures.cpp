@@ -211,8 +211,8 @@ class Diagnosing {
     return fmt::format(
         "The robot cannot be learned from the runs before: it misses its disks by {} in states that it was "
         "not "
-        "fitted to, where they move by {}. Check lengths, holes, motor directions and the frame in the robot "
-        "file and the map, and give a section more units a disk. ",
+        "fitted to, where they move by {}. Check lengths, holes, directions of motors and the frame in robot "
+        "file and map, and give each disk more units. ",
         PointsText([&](int p) { return learned_.Floor(p); }),
         PointsText([&](int p) { return learned_.Motion(p); }));
   }

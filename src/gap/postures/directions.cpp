@@ -1,9 +1,11 @@
+// One regression a section, of its end on the angles of all motors.
 #include "directions.h"
 
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
 #include <cmath>
+#include <numbers>
 #include <optional>
 
 #include "../rotation.h"
@@ -16,7 +18,10 @@ namespace {
 class Reading {
  public:
   Reading(const Postures& postures, const RobotParameters& robot)
-      : postures_(postures), body_(robot.body), R_(Rotation(PostureRobot::Of(robot).turn_rad)) {
+      : postures_(postures),
+        robot_(robot),
+        body_(robot.body),
+        R_(Rotation(PostureRobot::Of(robot).turn_rad)) {
     const Eigen::MatrixXd angles = postures.Stacked(&States::motor_rad);
     motors_ = angles.rowwise() - angles.colwise().mean();
     // Motors that turn together share what they do; those of a pair turn against each other.
@@ -36,7 +41,13 @@ class Reading {
     return by_motors_.solve(in_base.leftCols<2>().rowwise() - in_base.leftCols<2>().colwise().mean());
   }
 
-  bool Turns(Eigen::Index motor) const { return motors_.col(motor).norm() > 0; }
+  /// By more than a step of its encoder.
+  bool Turns(Eigen::Index motor) const {
+    const double counts =
+        robot_.actuation->tendons[static_cast<std::size_t>(motor)].drive.encoder_counts_per_turn;
+    const double rms_rad = motors_.col(motor).norm() / std::sqrt(static_cast<double>(motors_.rows()));
+    return rms_rad * counts > 2 * std::numbers::pi;
+  }
 
  private:
   int EndDisk(int section) const {
@@ -58,6 +69,7 @@ class Reading {
   }
 
   const Postures& postures_;
+  const RobotParameters& robot_;
   const model::Body body_;
   const Eigen::Matrix3d R_;
   Eigen::MatrixXd motors_;
@@ -68,17 +80,19 @@ class Reading {
 
 std::vector<std::string> ReadDirections(const Postures& postures, RobotParameters& robot) {
   std::vector<std::string> lines;
+  const RobotParameters as_filed = robot;
   std::optional<Reading> reading;
   Eigen::Index motor = 0;
   for (std::size_t k = 0; k < robot.body.sections.size(); ++k) {
     std::vector<TendonRoute>& tendons = robot.body.sections[k].tendons;
     std::string read, not_read;
+    std::optional<Eigen::MatrixX2d> response;
     for (std::size_t j = 0; j < tendons.size(); ++j, ++motor) {
       const std::string key = fmt::format("body.sections[{}].tendons[{}].angle_rad", k + 1, j + 1);
       const auto known = robot.uncertain.find(key);
       if (known == robot.uncertain.end() || known->second.kind != Uncertainty::Kind::kUnknown) continue;
-      if (!reading) reading.emplace(postures, robot);
-      const auto response = reading->Response(static_cast<int>(k));
+      if (!reading) reading.emplace(postures, as_filed);
+      if (read.empty() && not_read.empty()) response = reading->Response(static_cast<int>(k));
       if (!response || !reading->Turns(motor)) {
         not_read += fmt::format("{}{}", not_read.empty() ? "" : ", ", j + 1);
         continue;

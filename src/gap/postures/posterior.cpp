@@ -158,16 +158,6 @@ class Weighing {
 
 }  // namespace
 
-double Excess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int point) {
-  const double rms = PointRms(residuals_m, point), floor = learned.Floor(point);
-  return std::sqrt(std::max(0.0, rms * rms - floor * floor));
-}
-
-bool HasExcess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int point,
-               double delta_m) {
-  return Excess(learned, residuals_m, point) > LeastThatMatters(learned, point, delta_m);
-}
-
 ChangePosterior PosteriorOf(const LearnedPostures& learned, const ChangeSearch& search, double delta_m) {
   return Weighing(learned, search, delta_m).Result();
 }

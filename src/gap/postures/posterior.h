@@ -19,11 +19,6 @@ struct ChangePosterior {
   std::string doubt;               // why the best is not established, as a clause; empty where it is
 };
 
-/// Rms beyond the floor of a point (from 0) [m].
-double Excess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int point);
-/// It is more than does not matter.
-bool HasExcess(const LearnedPostures& learned, const Eigen::MatrixXd& residuals_m, int point, double delta_m);
-
 ChangePosterior PosteriorOf(const LearnedPostures& learned, const ChangeSearch& search, double delta_m);
 
 }  // namespace tendril::gap
