@@ -38,6 +38,10 @@ class Terminal:
         return done.stdout
 
     def shown(self) -> str:
+        return self._tmux("capture-pane", "-p")
+
+    def said(self) -> str:
+        """With what has left the screen."""
         return self._tmux("capture-pane", "-p", "-J", "-S", "-")
 
     def key(self, *keys: str) -> None:

@@ -30,22 +30,28 @@ def client():
         yield client
 
 
-def started(folder):
-    """The dashboard, when it shows itself; once more where a busy machine kept the robot silent for its two seconds."""
+def started(client, folder):
+    """The dashboard, when it shows itself; started again where a busy machine kept the robot silent for two seconds."""
     for attempt in range(3):
         (folder / str(attempt)).mkdir()
+        client.state(timeout=30)
         words = ["tendril", "status", "--watch", "--tip-speed", "14"]
         terminal = Terminal(folder / str(attempt), words, {"TENDRIL_PYTHON": sys.executable})
-        until("shows itself", lambda: re.search("SPACE or d  disarm|tendril: status:", terminal.shown()), 60, terminal.shown)
-        if "no daemon" not in terminal.shown():
-            break
+        try:
+            until("shows itself", lambda: re.search("SPACE or d  disarm|tendril: status:", terminal.said()), 60, terminal.said)
+        except AssertionError:
+            terminal.close()
+            raise
+        said = terminal.said()
+        if "no daemon" not in said:
+            return terminal
         terminal.close()
-    return terminal
+    raise AssertionError(f"a robot that answers was not found three times:\n{said}")
 
 
 @pytest.fixture()
 def terminal(client, tmp_path):
-    terminal = started(tmp_path)
+    terminal = started(client, tmp_path)
     try:
         terminal.until_shown("SPACE or d  disarm")
         terminal.until_shown("rig_60mm", 60)

@@ -153,6 +153,13 @@ def run_page(page, binaries, source, kind="run", keep=None):
     return None
 
 
+def named_folder(text):
+    name, equals, folder = text.partition("=")
+    if not (name.isidentifier() and equals and folder):
+        raise argparse.ArgumentTypeError(f"'{text}': expected NAME=FOLDER")
+    return name, pathlib.Path(folder)
+
+
 @contextlib.contextmanager
 def shortened(name, rows):
     """In this context $NAME is a folder of the same tables with their first rows only."""
@@ -178,20 +185,23 @@ def main():
     parser.add_argument("--bin", type=pathlib.Path, required=True, help="folder with the built programs")
     parser.add_argument("--source", type=pathlib.Path, required=True, help="source tree, $TENDRIL in the blocks")
     parser.add_argument("--kind", choices=sorted(KINDS), default="run", help="which blocks")
-    parser.add_argument("--data", metavar="NAME=FOLDER", help="tables of the page: $NAME in the blocks")
-    parser.add_argument("--rows", type=int, help="of each of them, from the first")
+    parser.add_argument("--data", metavar="NAME=FOLDER", type=named_folder, default=("", None),
+                        help="tables of the page: $NAME in the blocks")
+    parser.add_argument("--rows", type=int, default=0, help="of each of them, from the first (default: all)")
     parser.add_argument("--keep", type=pathlib.Path, help="an empty folder to run in, that stays")
     options = parser.parse_args()
     if not shutil.which("bash"):
         sys.exit("run_blocks: bash is not installed")
-    if options.data:
-        name, _, folder = options.data.partition("=")
-        if not pathlib.Path(folder).is_dir():
-            print(f"skipped: no {folder}")
-            sys.exit(77)
-        os.environ[name] = str(pathlib.Path(folder).resolve())
+    name, folder = options.data
+    if options.rows < 0 or (options.rows and not name):
+        parser.error("--rows: accepted are 1 and more, beside --data")
+    if name and not folder.is_dir():
+        print(f"skipped: no {folder}")
+        sys.exit(77)
+    if name:
+        os.environ[name] = str(folder.resolve())
     try:
-        with shortened(name if options.data else None, options.rows):
+        with shortened(name, options.rows):
             failure = run_page(options.page, options.bin.resolve(), options.source.resolve(), options.kind,
                                options.keep)
     except (OSError, PageError) as error:
