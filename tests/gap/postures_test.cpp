@@ -317,23 +317,6 @@ TEST(Postures, TwoPriorDeviationsAreTheBoundsOfTheRegistry) {
   }
 }
 
-TEST(Postures, ALargeChangeSeenByOneMarkerIsNotTakenForAnother) {
-  // One marker leaves the numbers loose, and the change moves them far from where their posterior is a
-  // quadratic.
-  const auto tip_only = [](const RobotParameters& robot, const std::string& name, unsigned seed) {
-    gap::Run run = Moved(robot, name, seed, 40);
-    run.disks_m.leftCols(9).setConstant(kNoReading);
-    return run;
-  };
-  RobotParameters stiff = AsBuilt();
-  for (auto& section : stiff.body.sections) section.youngs_modulus_Pa *= 1.54;
-  const Diagnosis d = Diagnosed(stiff, tip_only);
-  for (const Cause& cause : d.causes) {
-    const bool stiffness = cause.effect.ends_with("_stiffness") || cause.effect == "unknown";
-    EXPECT_TRUE(stiffness || cause.p <= 0.5) << cause.effect << " " << cause.p;
-  }
-}
-
 TEST(Postures, OtherChangesAreNamedToo) {
   RobotParameters turned = AsBuilt();
   turned.effects.push_back({"encoder_offset", "tendon:2", {{"rad", 0.5}}});
