@@ -21,21 +21,28 @@ from tools.workers import Task, Workers, add_arguments
 def make(o):
     folder, vault = Path(o.campaign).absolute(), Path(o.vault or o.campaign.rstrip("/") + ".vault").absolute()
     may_be_vault(vault, folder)
-    kinds, lost = begun(o, folder, vault), 0
+    kinds = begun(o, folder, vault)
     how = dict(folder=str(folder), vault=str(vault), effects=o.effects, families=o.families, mujoco=o.mujoco)
     with planning(folder, "make"), Workers(o.jobs, o.scheduler) as workers:
         todo = [(f"{k:04d}", kind) for k, kind in enumerate(kinds) if not (folder / "seals" / f"{k:04d}.json").exists()]
         if not todo:
             print(f"nothing to make: all {o.sets} sets are sealed", flush=True)
-        for done in workers.results(Task(name, make_one, (how, name, kind)) for name, kind in todo):
-            if isinstance(done.error, (Wrong, ModuleNotFoundError)):
-                raise done.error
-            if done.error:
-                print(f"set {done.task.name}: not made: {done.error}", file=sys.stderr, flush=True)
-            lost += done.error is not None
-            if not done.error:
-                print(f"set {done.task.name} sealed {done.value[:16]}", flush=True)
+        lost = seal_all(workers, [Task(name, make_one, (how, name, kind)) for name, kind in todo])
     return 1 if lost else 0
+
+
+def seal_all(workers, tasks):
+    """Has every set of these tasks made and sealed, and says so; names of those that could not be."""
+    lost = []
+    for done in workers.results(tasks):
+        if isinstance(done.error, (Wrong, ModuleNotFoundError)):
+            raise done.error
+        if done.error:
+            lost.append(done.task.name)
+            print(f"set {done.task.name}: not made: {done.error}", file=sys.stderr, flush=True)
+        else:
+            print(f"set {done.task.name} sealed {done.value[:16]}", flush=True)
+    return lost
 
 
 def begun(o, folder, vault):
@@ -152,9 +159,12 @@ class Answers:
     """The one who plans writes down what is begun and answered; the workers only run the command. As a context it writes down
     too what was begun and then stopped."""
 
-    def __init__(self, folder, vault, command, timeout_s):
+    def __init__(self, folder, vault, command, timeout_s, program=None, **facts):
+        """program: the file whose hash is written down and guarded, where it is not the command's first word. facts: what every
+        answer is to say besides."""
         self.folder, self.vault, self.command, self.timeout_s = folder, vault, command, timeout_s
-        self.program_sha256 = sha(Path(command[0]).read_bytes())
+        self.program, self.facts = program or command[0], facts
+        self.program_sha256 = sha(Path(self.program).read_bytes())
         self.seals, self.at_work, self.digests = {}, {}, {}  # by name: seal; claim; SHA-256 of the data
         self.good, self.there, self.failed, self.gone = True, 0, [], []
 
@@ -199,7 +209,7 @@ class Answers:
         self.at_work[name] = self.folder / "answers" / f".{name}.{secrets.token_hex(8)}"
         self.note(name, begun_ns=now(), program_sha256=self.program_sha256)
         return task._replace(arguments=(str(data), self.command, self.program_sha256, str(self.vault), str(self.folder),
-                                        str(self.at_work[name]), self.timeout_s))
+                                        str(self.at_work[name]), self.timeout_s, self.program))
 
     def note(self, name, **what):
         if self.vault.is_dir():
@@ -235,7 +245,7 @@ class Answers:
                 score.check_report(report)
             except (ValueError, TypeError, KeyError) as wrong:
                 report, run["error"] = None, f"report.json: {wrong}"
-        facts = dict(program_sha256=self.program_sha256, **how, seal_sha256=seal_sha(self.seals[name]))
+        facts = dict(program_sha256=self.program_sha256, **self.facts, **how, seal_sha256=seal_sha(self.seals[name]))
         text = json.dumps(dict(id=name, data_sha256=self.digests[name], **facts,
                                report=report, **run)) + "\n"
         write_once(self.folder / "answers" / f"{name}.json", text)

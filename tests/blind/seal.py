@@ -62,14 +62,15 @@ def write_once(path, text):
 
 
 @contextlib.contextmanager
-def planning(folder, what):
-    """Only one process at a time plans a campaign and writes its ledger. The lock ends with the process."""
+def planning(folder, what, command="gap_blind", more="--jobs, --scheduler"):
+    """Only one process at a time plans a campaign and writes its ledger. The lock ends with the process. command, more: for the
+    message, whose campaign it is and the options that give it more workers."""
     with open(folder / f".{what}.lock", "w") as file:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise Wrong(f"{folder}: another gap_blind {what} is at this campaign; wait for it, or stop it and begin again with more "
-                        "workers (--jobs, --scheduler)")
+            raise Wrong(f"{folder}: another {command} {what} is at this campaign; wait for it, or stop it and begin again with more "
+                        f"workers ({more})")
         yield
 
 
@@ -237,17 +238,19 @@ def run_once(words, work, timeout_s):
     return (124, f"more than {timeout_s} s") if code is None else (code, text)
 
 
-def run_sealed(data, command, program_sha256, vault, folder, claim, timeout_s):
+def run_sealed(data, command, program_sha256, vault, folder, claim, timeout_s, program=None):
     """A task: what the command answers to one set, and how the answers were hidden from it: (report or None, facts, how).
 
+    program: the file that program_sha256 is of, where it is not the command's first word but called by it.
     claim: a file of this one beginning, which the ledger knows of. Where it is there already, a worker died at it, and it is for
     the planning process to write down that it is begun again."""
     try:
         open(claim, "x").close()
     except FileExistsError:
         raise workers.WorkerDied
-    if sha(Path(command[0]).read_bytes()) != program_sha256:
-        raise NotRun(f"{command[0]} is another program where the worker runs")
+    program = program or command[0]
+    if sha(Path(program).read_bytes()) != program_sha256:
+        raise NotRun(f"{program} is another program where the worker runs")
     prefix, how = confined(Path(vault), Path(folder))
     report, run = diagnose_one(command, data, prefix, timeout_s)
     return report and {key: report[key] for key in KEEP if key in report}, run, dict(confined=bool(prefix), vault=how)

@@ -1,10 +1,10 @@
 """A tendon robot in MuJoCo: a cable of rigid pieces joined by elastic ball joints and slides, disks on it, spatial
 tendons through their holes that are springs with a dead band, MuJoCo's own tendon which pulls only.
 
-MuJoCo 4 has no plugin for cables any more; these are the pieces and joints that it was made of. A ball joint resists
-bending and twist alike, as a round rod without Poisson's effect does. Each joint lies in the middle of the piece of rod
-that it stands for and the order of slide and ball changes from joint to joint, so that the error falls with the square
-of the pieces. Equilibria by Newton on MuJoCo's own forces, its energy deciding how far each step goes."""
+A ball joint resists bending and twist alike, as a round rod without Poisson's effect does. Each joint lies in the
+middle of the piece of rod that it stands for and the order of slide and ball changes from joint to joint, so that the
+error falls with the square of the pieces. Equilibria by Newton on MuJoCo's own forces, its energy deciding how far each
+step goes."""
 
 import mujoco
 import numpy as np
@@ -14,6 +14,7 @@ from tests.foreign import draw, tendons
 PIECES = 4  # of rod between two disks
 DIFFERENCE = 1e-6  # rad or m, of the slopes of forces
 STILL = 1e-7  # rad or m: a Newton step that ends the search
+LARGEST_SHIFT = 1e6  # of a slope's diagonal, over itself: more makes no slope positive that less did not
 
 
 def xml(robot, pieces):
@@ -54,6 +55,21 @@ def xml(robot, pieces):
     return text + "</tendon></mujoco>"
 
 
+def positive(slope):
+    """A slope with as much added to its diagonal as makes it positive definite, so that Newton's step leads down.
+    ArithmeticError where nothing within reason does."""
+    if not np.isfinite(slope).all():
+        raise ArithmeticError("forces that are no numbers")
+    diagonal, more = np.diag(np.abs(slope.diagonal())), 0.0
+    while more <= LARGEST_SHIFT:
+        try:
+            np.linalg.cholesky(slope + more * diagonal)
+            return slope + more * diagonal
+        except np.linalg.LinAlgError:
+            more = max(1e-4, 4 * more)
+    raise ArithmeticError("no slope that leads down")
+
+
 class Cable:
     def __init__(self, robot, pieces=PIECES):
         self.robot = robot
@@ -86,14 +102,7 @@ class Cable:
 
     def step(self, q, force):
         """Newton's, made shorter until the energy falls; its size, and where it leads."""
-        slope, more = self.slope(q, force), 0.0
-        while True:
-            try:
-                np.linalg.cholesky(slope + more * np.diag(np.abs(slope.diagonal())))
-                break
-            except np.linalg.LinAlgError:
-                more = max(1e-4, 4 * more)
-        way = np.linalg.solve(slope + more * np.diag(np.abs(slope.diagonal())), force)
+        way = np.linalg.solve(positive(self.slope(q, force)), force)
         here, size = self.energy(q), np.abs(way).max()
         share = 0.3 / max(0.3, size)
         while share > 1e-6:

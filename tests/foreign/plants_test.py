@@ -1,7 +1,10 @@
 """The foreign simulators against closed forms and against each other, and what is drawn: the same seed gives the same
 files. Leaves with 77, which ctest shows as skipped, where their packages are missing."""
 
+import contextlib
 import importlib.util
+import io
+import json
 import math
 import os
 import subprocess
@@ -23,10 +26,10 @@ except ImportError as error:
     sys.exit(77)
 
 from tests.blind import seal
-from tests.foreign import campaign, draw, table, tendons
+from tests.foreign import campaign, draw, mujoco_cable, table, tendons
 from tests.foreign.mujoco_cable import Cable
 
-ELASTICA = all(importlib.util.find_spec(name) for name in ("elastica", campaign.MODULES["elastica"]))
+ELASTICA = importlib.util.find_spec("elastica") is not None
 PLANTS = ["cable"] + ["elastica"] * ELASTICA
 LENGTH, RADIUS, E = 0.2, 0.004, 1e7
 EI = E * math.pi * RADIUS**4 / 4
@@ -125,15 +128,22 @@ class Agreement(unittest.TestCase):
         np.testing.assert_allclose(applied + cable.data.qfrc_smooth, 0, atol=1e-6)
 
     def test_finer_pieces_move_the_cable_by_little(self):
-        rng = np.random.default_rng(8)
-        robot = draw.robot(rng)
-        angles = draw.postures(robot, rng, 4)
-        coarse, fine = Cable(robot).postures(angles), Cable(robot, 8).postures(angles)
-        self.assertLess(np.abs(coarse - fine).max(), 0.01 * np.ptp(fine[:, -1], 0).max())
+        for seed in (8, 1):  # one section and two
+            rng = np.random.default_rng(seed)
+            robot = draw.robot(rng)
+            angles = draw.postures(robot, rng, 4)
+            coarse, fine = Cable(robot).postures(angles), Cable(robot, 8).postures(angles)
+            with self.subTest(seed=seed):
+                self.assertLess(np.abs(coarse - fine).max(), 0.01 * np.ptp(fine[:, -1], 0).max())
+
+    def test_a_slope_that_nothing_mends_ends_the_search(self):
+        np.linalg.cholesky(mujoco_cable.positive(np.array([[1.0, 2.0], [2.0, 1.0]])))
+        for slope in ([[math.nan, 0], [0, 1]], [[math.inf, 0], [0, 1]], [[0, 1], [1, 0]]):
+            with self.assertRaises(ArithmeticError):
+                mujoco_cable.positive(np.array(slope, float))
 
 
-
-@unittest.skipUnless(ELASTICA, "no package pyelastica")
+@unittest.skipUnless(ELASTICA, "no package pyelastica; install tests/foreign/requirements.txt")
 class Elastica(unittest.TestCase):
     def test_both_plants_take_the_same_postures_before_and_after_each_change(self):
         for seed in (8, 1):  # one section and two
@@ -167,13 +177,15 @@ class Elastica(unittest.TestCase):
     def test_finer_pieces_and_a_longer_rest_move_it_by_little(self):
         from tests.foreign import elastica_rod
 
-        rng = np.random.default_rng(8)
-        robot = draw.robot(rng)
-        angles = draw.postures(robot, rng, 3)
-        coarse, fine = elastica_rod.postures(robot, angles), elastica_rod.Rod(robot, 8).postures(angles)
-        self.assertLess(np.abs(coarse - fine).max(), 0.01 * np.ptp(fine[:, -1], 0).max())
-        with mock.patch.object(elastica_rod, "STILL", 2e-9):
-            self.assertLess(np.abs(elastica_rod.postures(robot, angles) - coarse).max(), 2e-6)
+        for seed in (8, 1):  # one section and two
+            rng = np.random.default_rng(seed)
+            robot = draw.robot(rng)
+            angles = draw.postures(robot, rng, 3)
+            coarse, fine = elastica_rod.postures(robot, angles), elastica_rod.Rod(robot, 8).postures(angles)
+            with self.subTest(seed=seed):
+                self.assertLess(np.abs(coarse - fine).max(), 0.01 * np.ptp(fine[:, -1], 0).max())
+                with mock.patch.object(elastica_rod, "STILL", 2e-9):
+                    self.assertLess(np.abs(elastica_rod.postures(robot, angles) - coarse).max(), 2e-6)
 
     def test_without_its_package_the_campaign_names_it_and_makes_nothing(self):
         with tempfile.TemporaryDirectory() as scratch:
@@ -193,15 +205,26 @@ class Elastica(unittest.TestCase):
 
 class Draw(unittest.TestCase):
     def test_same_seed_gives_the_same_files(self):
-        with mock.patch.multiple(campaign, FEWEST=2, MOST=3), tempfile.TemporaryDirectory() as scratch:
+        with tempfile.TemporaryDirectory() as scratch:
             digests = []
             for name, seed in (("a", 4), ("b", 4), ("c", 5)):
                 folder = Path(scratch, name)
                 folder.mkdir()
-                campaign.made(folder, np.random.default_rng([seed, 0]), "cable", "slack")
+                campaign.made(folder, np.random.default_rng([seed, 0]), "cable", "slack", (2, 3))
                 digests.append(seal.digest(folder))
         self.assertEqual(digests[0], digests[1])
         self.assertNotEqual(digests[0], digests[2])
+
+    def test_a_robot_without_rest_is_drawn_again_a_few_times(self):
+        with tempfile.TemporaryDirectory() as scratch:
+            data, fails = Path(scratch, "set"), [ArithmeticError("no way down"), dict(truth=None)]
+            with mock.patch.object(campaign, "made", side_effect=fails):
+                answer = campaign.drawn(data, [4, 0], "cable", "slack", (2, 3))
+            self.assertEqual((answer["seed"], answer["drawn_again"]), ([4, 0, 1], 1))
+            with mock.patch.object(campaign, "made", side_effect=ArithmeticError("no way down")) as made:
+                with self.assertRaisesRegex(RuntimeError, "no way down.* --seed"):
+                    campaign.drawn(data, [4, 0], "cable", "slack", (2, 3))
+            self.assertEqual((made.call_count, data.exists()), (campaign.DRAWS, False))
 
     def test_changes_are_drawn_in_equal_numbers(self):
         kinds = draw.kinds_of(30, draw.PLANTS, np.random.default_rng(1))
@@ -261,5 +284,138 @@ class Judgement(unittest.TestCase):
         self.assertEqual((wrong["p"], wrong["wrong_p"]), (0, 0.9))
 
 
+# A program that answers as tendril does, the same to every set; it is called wrongly while there is a file "broken".
+STUB = """#!/bin/sh
+[ "$1" = --version ] && echo "tendril 0 stub" && exit
+[ -e "$(dirname "$0")/broken" ] && exit 2
+[ "$2" = import ] && exit
+while [ "$1" != --out ]; do shift; done
+echo '{"verdict": "attributed", "sentence": "", "location": [], "causes": [
+  {"effect": "slack", "where": "tendon:1", "p": 0.9, "group": 0, "parameters": {"length": {"value": 0.002}}}]}' > \
+  "$2/report.json"
+"""
+
+
+class Command(unittest.TestCase):
+    def setUp(self):
+        self.scratch = Path(self.enterContext(tempfile.TemporaryDirectory()))
+        self.scratch.chmod(0o755)  # the diagnosis is another user's
+        self.folder, self.vault, self.stub = (self.scratch / name for name in ("c", "c.vault", "tendril"))
+        self.stub.write_text(STUB)
+        self.stub.chmod(0o755)
+        self.enterContext(mock.patch.multiple(campaign, FEWEST=2, MOST=3))
+
+    def run_it(self, out=None, sets=2):
+        words = ["--sets", sets, "--seed", 1, "--plant", "cable", "--jobs", 1, "--tendril", self.stub]
+        words += ["--out", out or self.folder]
+        silent = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
+        with mock.patch.object(sys, "argv", ["gap_foreign", *map(str, words)]), silent[0], silent[1]:
+            return campaign.main()
+
+    def refused(self, why, **how):
+        with self.assertRaisesRegex(campaign.Wrong, why):
+            self.run_it(**how)
+
+    @contextlib.contextmanager
+    def other(self, path, text):
+        """A file with other text, for a while."""
+        kept, mode = path.read_text(), path.stat().st_mode
+        path.chmod(mode | 0o200)
+        path.write_text(text if isinstance(text, str) else text(kept))
+        yield
+        path.write_text(kept)
+        path.chmod(mode)
+
+    def test_from_the_draw_to_the_score_in_two_goes(self):
+        closed = self.scratch / "closed"
+        closed.mkdir(0o700)
+        (closed / "truth").touch(0o400)
+        try:
+            seal.confined(closed, closed)
+        except campaign.Wrong as refusal:  # a machine where nothing can be hidden
+            self.skipTest(str(refusal))
+        (self.scratch / "broken").touch()
+        self.refused("exit code 2")
+        seals = seal.digest(self.folder / "seals")
+        self.assertFalse((self.folder / "summary.json").exists())
+        how = dict(folder=str(self.folder), vault=str(self.vault), seed=1, postures=(2, 3))
+        truth = (self.vault / "0000.json").read_text()
+        campaign.make_one(how, 0, "cable", "slack")  # as after a worker's death
+        self.assertEqual((self.vault / "0000.json").read_text(), truth)
+        (self.scratch / "broken").unlink()
+        self.assertEqual(self.run_it(), 0)
+        self.assertEqual(seal.digest(self.folder / "seals"), seals)
+        summary = json.loads((self.folder / "summary.json").read_text())
+        self.assertEqual(summary["plan"], dict(sets=2, seed=1, plant="cable"))
+        self.assertEqual(summary["program"], dict(sha256=seal.sha(STUB.encode()), version="tendril 0 stub"))
+        for given in summary["sets"]:
+            name = given["id"]
+            self.assertEqual(given["given_sha256"], seal.sha((self.folder / "answers" / f"{name}.json").read_bytes()))
+            self.assertEqual(given["seal"]["answer_sha256"], seal.sha((self.vault / f"{name}.json").read_bytes()))
+            self.assertEqual(given["seal"]["data_sha256"], seal.digest(self.folder / "sets" / name))
+        self.damaged()
+
+    def damaged(self):
+        """What is changed in a campaign that was scored is refused, and scored again where it is put back."""
+        answer, truth = self.folder / "answers" / "0001.json", self.vault / "0001.json"
+        data = self.folder / "sets" / "0001" / "after.csv"
+        for path, text, why in (
+            (answer, lambda kept: kept.replace("0.9", "0.1"), "answers/0001.json: not the answer that was given"),
+            (answer, "{", "answers/0001.json: not as gap_foreign wrote it; put it back"),
+            (truth, lambda kept: kept + " ", "c.vault/0001.json: not the sealed answer; put it back"),
+            (data, "t", "answers/0001.json: the data are not the sealed ones"),
+            (self.vault / "plan.json", self.shorter, "--sets 2: this campaign was begun with 1"),
+            (self.vault / "plan.json", "[]", "plan.json: not the plan that gap_foreign wrote; put it back"),
+            (self.vault / seal.LEDGER, lambda kept: kept.replace("0001", "0002"), "put the ledger back"),
+        ):
+            with self.other(path, text):
+                self.refused(why)
+        self.assertEqual(self.run_it(), 0)
+        with self.other(self.vault / "plan.json", self.shorter):
+            self.refused("set 0001 is not in .*plan.json", sets=1)
+        self.refused("--sets 3: this campaign was begun with 2", sets=3)
+        kept = answer.rename(self.scratch / "kept.json")
+        with self.other(data, "t"), self.assertRaisesRegex(RuntimeError, "1 of 2 sets without an answer: 0001"):
+            self.run_it()
+        with self.other(self.stub, STUB + "# another build"):
+            self.refused("another build than the one that answered 0000.json")
+        self.run_again_with(kept, answer)
+
+    def shorter(self, plan):
+        """The plan without its last set."""
+        plan = json.loads(plan)
+        return json.dumps(dict(plan, sets=1, kinds=plan["kinds"][:1]))
+
+    def run_again_with(self, kept, answer):
+        """A second answer to the same set is no answer; the first one is."""
+        self.refused("answers/0001.json: answered 2 times")
+        answer.unlink()
+        kept.rename(answer)
+
+    def test_another_program_than_the_one_written_down_answers_nothing(self):
+        words = ["/bin/sh", "-c", "exit 0"], seal.sha(b"another"), str(self.vault), str(self.folder)
+        with self.assertRaisesRegex(seal.NotRun, "tendril is another program"):
+            seal.run_sealed(str(self.folder), *words, str(self.scratch / "claim"), 60, str(self.stub))
+
+    def test_folders_of_others_are_left_alone(self):
+        other = self.scratch / "other"
+        other.mkdir()
+        (other / "thesis.txt").touch()
+        (self.scratch / "file").touch()
+        self.refused("--out /: is the root", out="/")
+        self.refused("holds thesis.txt, and is no campaign of gap_foreign; name a new or an empty folder", out=other)
+        self.refused("file is a file", out=self.scratch / "file")
+        blind, vault = self.scratch / "b", self.scratch / "b.vault"
+        for d in (blind, blind / "sets", vault):
+            d.mkdir()
+        (blind / "vault").write_text(f"{vault.resolve()}\n")
+        (vault / "1_of_1_of_2.kinds").touch()
+        self.refused("b: is a campaign of gap_blind; name", out=blind)
+        self.assertEqual({p.name for p in self.scratch.iterdir()}, {"other", "file", "b", "b.vault", "tendril"})
+        self.assertEqual([p.name for p in other.iterdir()], ["thesis.txt"])
+
+
 if __name__ == "__main__":
+    if not ELASTICA:
+        print("PyElastica's half is skipped: no package pyelastica; install tests/foreign/requirements.txt")
     unittest.main()
