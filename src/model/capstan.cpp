@@ -272,6 +272,17 @@ void ValidatePulley(const PulleyParameters& p) {
   require(p.entry_angle_rad >= 0 && p.entry_angle_rad <= 1.5, "phi1", p.entry_angle_rad, "0 .. 1.5 rad");
 }
 
+double CapstanLogRatio(std::span<const PulleyParameters> pulleys, double base_tension_N) {
+  double sum = 0;
+  for (const PulleyParameters& p : pulleys) {
+    const double rho = p.radius_ratio;
+    const double per_rad =
+        p.law == CapstanLaw::kClassic ? 1 : rho / (1 + rho) * std::pow(base_tension_N, p.exponent - 1);
+    sum += p.alpha * per_rad * p.wrap_rad;
+  }
+  return sum;
+}
+
 double CapstanRatioAtZero(const PulleyParameters& pulley) {
   ValidatePulley(pulley);
   if (pulley.law == CapstanLaw::kClassic || pulley.exponent == 1 || pulley.alpha == 0) {

@@ -19,6 +19,7 @@ double Logistic(double x) { return x > kStraight ? 1 : 1 / (1 + std::exp(-x)); }
 HeldStatics::HeldStatics(const Body& body, ConstVectorRef stiffness_Npm, double width_m)
     : body_(&body),
       stiffness_(stiffness_Npm),
+      stiffness_at_base_(stiffness_Npm),
       width_(width_m),
       shortening_(body.tendons()),
       tension_(body.tendons()),
@@ -31,10 +32,14 @@ HeldStatics::HeldStatics(const Body& body, ConstVectorRef stiffness_Npm, double 
       length_jacobian_(body.tendons(), body.dof()),
       tangent_(body.dof(), body.dof()) {}
 
+void HeldStatics::SetLoss(ConstVectorRef loss) {
+  stiffness_at_base_ = stiffness_.cwiseProduct((-loss).array().exp().matrix());
+}
+
 void HeldStatics::Residual(ConstVectorRef pull_m, ConstVectorRef q, VectorRef force_Nm) {
   body_->TendonShortening(q, shortening_);
   for (Eigen::Index j = 0; j < tension_.size(); ++j)
-    tension_[j] = stiffness_[j] * width_ * SoftPlus((pull_m[j] - shortening_[j]) / width_);
+    tension_[j] = stiffness_at_base_[j] * width_ * SoftPlus((pull_m[j] - shortening_[j]) / width_);
   body_->StaticForce(q, TipWrench(), force_Nm);
   body_->TendonForce(q, tension_, tendon_force_);
   force_Nm -= tendon_force_;
@@ -43,10 +48,10 @@ void HeldStatics::Residual(ConstVectorRef pull_m, ConstVectorRef q, VectorRef fo
 void HeldStatics::Linearise(ConstVectorRef pull_m, ConstVectorRef q) {
   body_->TendonShortening(q, shortening_, length_jacobian_);
   for (Eigen::Index j = 0; j < tension_.size(); ++j)
-    tension_[j] = stiffness_[j] * width_ * SoftPlus((pull_m[j] - shortening_[j]) / width_);
+    tension_[j] = stiffness_at_base_[j] * width_ * SoftPlus((pull_m[j] - shortening_[j]) / width_);
   body_->TangentStiffness(q, tension_, TipWrench(), tangent_);
   for (Eigen::Index j = 0; j < tension_.size(); ++j)
-    spring_[j] = stiffness_[j] * Logistic((pull_m[j] - shortening_[j]) / width_);
+    spring_[j] = stiffness_at_base_[j] * Logistic((pull_m[j] - shortening_[j]) / width_);
   tangent_.noalias() += length_jacobian_.transpose() * (spring_.asDiagonal() * length_jacobian_);
 }
 

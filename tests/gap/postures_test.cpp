@@ -13,6 +13,7 @@
 #include "gap/postures/directions.h"
 #include "gap/postures/learn_postures.h"
 #include "gap/postures/posterior.h"
+#include "gap/postures/sliding.h"
 #include "gap/rotation.h"
 #include "gap/sources.h"
 #include "support/hose.h"
@@ -165,12 +166,83 @@ TEST(Postures, NumbersThatNobodyKnewAreLearned) {
   const Eigen::MatrixXd covariance = learned.precision.inverse();
   for (std::size_t k = 0; k < learned.numbers.size(); ++k) {
     const PostureNumber& number = learned.numbers[k];
-    if (!number.value) continue;
     const auto i = static_cast<Eigen::Index>(k);
+    if (number.assumed) {
+      EXPECT_LT(std::exp(learned.x[i]), 0.5) << number.key;  // there is no friction
+    }
+    if (!number.value || number.assumed) continue;
     const double is = number.value(AsBuilt()), file = number.value(Hose());
     const double truth = number.additive ? is - file : std::log(is / file);
     EXPECT_LT(std::abs(learned.x[i] - truth), 4 * std::sqrt(covariance(i, i))) << number.key;
   }
+}
+
+/// Sheaths from spools to base that nobody drew: `wrap_rad` of the usual one.
+RobotParameters InSheaths(double wrap_rad) {
+  RobotParameters robot = AsBuilt();
+  for (TendonDriveParameters& drive : robot.actuation->tendons)
+    drive.transmission.pulleys = {UsualSheath(wrap_rad)};
+  return robot;
+}
+
+TEST(Postures, FrictionOfSheathsThatNobodyDrewIsLearned) {
+  constexpr double kWrap_rad = 2.5;
+  const gap::Run run = Moved(InSheaths(kWrap_rad), "run", 1);
+  const LearnedPostures learned = LearnPostures(Hose(), PosturesOf({&run}, Hose()), true, {.threads = 2});
+  EXPECT_LT(PointRms(learned.held_out_m, 1), 1.2e-3);
+  const Eigen::MatrixXd covariance = learned.precision.inverse();
+  int found = 0;
+  for (std::size_t k = 0; k < learned.numbers.size(); ++k) {
+    const PostureNumber& number = learned.numbers[k];
+    if (!number.key.starts_with("friction coefficient of the sheath")) continue;
+    const auto i = static_cast<Eigen::Index>(k);
+    const double usual_wrap = WithSheaths(Hose()).actuation->tendons[0].transmission.pulleys[0].wrap_rad;
+    EXPECT_LT(std::abs(learned.x[i] - std::log(kWrap_rad / usual_wrap)), 4 * std::sqrt(covariance(i, i)));
+    EXPECT_LT(std::sqrt(covariance(i, i)), 0.5 * number.deviation) << number.key;
+    ++found;
+  }
+  EXPECT_EQ(found, 8);
+}
+
+TEST(Postures, ASheathThatIsBentMoreIsNamed) {
+  RobotParameters after = InSheaths(0.7);
+  after.actuation->tendons[2].transmission.pulleys[0].wrap_rad += 3;
+  const DataSet set = Compared(InSheaths(0.7), after);
+  DiagnoseOptions options;
+  options.threads = 2;
+  options.refits = 4;
+  const Diagnosis d = Diagnose(set, options);
+  double of_friction = 0;
+  for (const Cause& cause : d.causes) {
+    // A path with one bend has twice the friction by twice the angle or twice the coefficient.
+    const bool friction = cause.effect == "wrap_angle" || cause.effect == "capstan_alpha";
+    if (!friction || cause.where != "tendon:3") continue;
+    of_friction += cause.p;
+    if (cause.effect != "wrap_angle") continue;
+    const Estimate wrap = cause.parameters.at("extra_rad");
+    EXPECT_LT(wrap.low, 3);
+    EXPECT_GT(wrap.high, 3);
+  }
+  EXPECT_GT(of_friction, 0.9) << d.sentence;
+}
+
+TEST(Postures, TendonsSlideAsTheirMotorsTurnedLast) {
+  gap::Run run;
+  run.time_s = Eigen::VectorXd::LinSpaced(8, 0, 3.5);
+  run.motor_position_rad.resize(8, 1);
+  run.motor_position_rad << 0, 0.1, 0.2, 0.1, kNoReading, 0.1, 0.1001, 0.3;
+  States states{"run", run.time_s, run.motor_position_rad, {}, {}, {}, 0};
+  states.path_rad = run.motor_position_rad;
+  states.path_rad(4, 0) = 0.1;
+  states.rows = {{0, 1}, {1, 2}, {3, 1}, {5, 2}, {7, 1}};
+  states.time_s = Eigen::VectorXd::LinSpaced(5, 0, 3.5);
+  const Eigen::VectorXd travel_m = Eigen::VectorXd::Constant(1, 0.01);
+  const Eigen::MatrixXd z = SlidingOf(states, travel_m, Eigen::VectorXd::Constant(1, 1e-4));
+  EXPECT_EQ(z(0, 0), 0);
+  EXPECT_EQ(z(1, 0), 1);
+  EXPECT_EQ(z(2, 0), -1);
+  EXPECT_NEAR(z(3, 0), -1, 0.02);  // a step of a hundredth of the pre-sliding
+  EXPECT_EQ(z(4, 0), 1);
 }
 
 // The simulator finds the same equilibria its own way.
@@ -207,7 +279,7 @@ TEST(Postures, SlopesAreThoseOfThePrediction) {
   const RobotAt at = [&](const Eigen::VectorXd& x) { return WithNumbers(file, numbers, x); };
   const auto n = static_cast<int>(numbers.size());
   const Predicted here = Predict(at, Eigen::VectorXd::Zero(n), n, postures, 1);
-  for (int k = 0; k < n; k += 5) {
+  for (int k = 0; k < n; ++k) {
     Eigen::VectorXd ahead = Eigen::VectorXd::Zero(n), behind = ahead;
     ahead[k] = 2e-4;
     behind[k] = -2e-4;
@@ -393,6 +465,11 @@ TEST(Postures, ACalibrationWritesTheRobotThatMoved) {
   for (const CalibratedNumber& c : found.numbers) {
     EXPECT_LE(c.low, c.value) << c.key;
     EXPECT_GE(c.high, c.value) << c.key;
+    if (c.key.starts_with("friction coefficient of the sheath")) {
+      EXPECT_FALSE(c.of_file) << c.key;
+      EXPECT_EQ(c.in_file, UsualSheath(1).alpha) << c.key;
+      continue;
+    }
     if (!c.of_file) {
       EXPECT_EQ(c.in_file, 0) << c.key;
       EXPECT_FALSE(c.unit.empty()) << c.key;
@@ -416,7 +493,7 @@ TEST(Postures, ACalibrationWritesTheRobotThatMoved) {
       robot_file::PatchNumbers(config::ToYaml(Hose()), "hose.yaml", found.robot, {"calibrated"});
   for (const CalibratedNumber& c : found.numbers) {
     for (const PostureNumber& number : PostureNumbers(patch.robot, true, {})) {
-      if (number.key != c.key || !number.value) continue;
+      if (number.key != c.key || !number.value || number.assumed) continue;
       EXPECT_NEAR(number.value(patch.robot), c.value, 1e-9 * std::abs(c.value)) << c.key;
     }
   }
@@ -548,6 +625,9 @@ TEST(Postures, StatesAreMeansAndLeaveOutWhatWasNotRead) {
   EXPECT_EQ(all.points, (std::vector<PosturePoint>{{false, 1}, {false, 3}}));
   EXPECT_EQ(all.states(), 60);  // of a quarter of a second
   EXPECT_NEAR(all.runs[0].motor_rad(3, 0), run.motor_position_rad.col(0).segment(15, 5).mean(), 1e-12);
+  EXPECT_EQ(all.runs[0].rows[3].first, 15);
+  run.motor_position_rad(17, 0) = kNoReading;
+  EXPECT_EQ(PosturesOf({&run}, Hose()).runs[0].path_rad(17, 0), run.motor_position_rad(16, 0));
   run.disks_m.col(3).segment(100, 20).setConstant(kNoReading);
   const Postures some = PosturesOf({&run}, Hose());
   EXPECT_EQ(some.states() + some.runs[0].lost, 60);

@@ -83,6 +83,18 @@ TEST(Capstan, LawsDifferForAnExponentBelowOne) {
   EXPECT_GT(SolveCapstan(RigPulley(CapstanLaw::kLocal), 5) / SolveCapstan(RigPulley(), 5), 1.5);
 }
 
+TEST(Capstan, ToFirstOrderTheLogRatioGrowsWithWrapAndCoefficient) {
+  for (const CapstanLaw law : {CapstanLaw::kClassic, CapstanLaw::kLocal, CapstanLaw::kCumulative}) {
+    const double exponent = law == CapstanLaw::kLocal ? 0.8 : 1;
+    const std::vector<PulleyParameters> pulleys = {
+        {.law = law, .wrap_rad = 2, .radius_ratio = 200, .alpha = 0.02, .exponent = exponent},
+        {.law = law, .wrap_rad = 1, .radius_ratio = 200, .alpha = 0.05, .exponent = exponent}};
+    const double exact = std::log(SolveCapstan(pulleys, 5) / 5), first_order = CapstanLogRatio(pulleys, 5);
+    EXPECT_NEAR(first_order, exact, 0.05 * exact) << static_cast<int>(law);
+  }
+  EXPECT_EQ(CapstanLogRatio({}, 5), 0);
+}
+
 TEST(Capstan, LargeRadiusRatioIsTheClassicLaw) {
   for (double alpha : {0.1, 0.3, 0.6}) {
     const double classic = SolveCapstan(Pulley(CapstanLaw::kClassic, alpha, 1, 1, pi), 2);

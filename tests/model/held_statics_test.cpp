@@ -65,9 +65,30 @@ TEST(HeldStatics, ATendonPullsItsStretchAndNeverPushes) {
   EXPECT_TRUE(any_slack);
 }
 
+TEST(HeldStatics, FrictionLeavesTheBodyAShareOfTheSpoolsTension) {
+  const Body body(Hose());
+  HeldStatics held(body, Eigen::VectorXd::Constant(8, 3000), kWidth_m);
+  Eigen::VectorXd without = Eigen::VectorXd::Zero(body.dof()), q = without, shortening(body.tendons());
+  ASSERT_TRUE(held.Solve(Pull(body), without));
+  Eigen::VectorXd loss(8);
+  loss << 0.4, 0, -0.3, 0.2, 0, 0.5, 0.1, 0;
+  held.SetLoss(loss);
+  ASSERT_TRUE(held.Solve(Pull(body), q));
+  EXPECT_GT((q - without).cwiseAbs().maxCoeff(), 5e-3);
+  body.TendonShortening(q, shortening);
+  for (Eigen::Index j = 0; j < 8; ++j) {
+    const double stretch = Pull(body)[j] - shortening[j];
+    if (stretch < 10 * kWidth_m) continue;
+    EXPECT_NEAR(held.tension_N()[j], std::exp(-loss[j]) * 3000 * stretch, 1e-3) << j;
+  }
+  const Equilibrium at_tensions = SolveStatics(body, held.tension_N(), Eigen::Vector3d(0, 0, 0));
+  EXPECT_LT((at_tensions.q - q).cwiseAbs().maxCoeff(), 1e-6);
+}
+
 TEST(HeldStatics, TheTangentIsTheDerivative) {
   const Body body(Hose());
   HeldStatics held(body, Eigen::VectorXd::Constant(8, 3000), kWidth_m);
+  held.SetLoss(Eigen::VectorXd::LinSpaced(8, -0.3, 0.5));
   Eigen::VectorXd q = Eigen::VectorXd::Zero(body.dof()), ahead(body.dof()), behind(body.dof());
   ASSERT_TRUE(held.Solve(Pull(body), q));
   const Eigen::MatrixXd tangent = held.Tangent(Pull(body), q).reconstructedMatrix();

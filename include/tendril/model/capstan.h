@@ -34,6 +34,10 @@ double CapstanRatioAtZero(const PulleyParameters& pulley);
 double CapstanRatio(const PulleyParameters& pulley, double base_tension_N, bool release,
                     double low_tension_N = 0);
 
+/// ln of the motor-side over the base tension while the motor pulls, to first order in the friction:
+/// sum of alpha wrap T^(n-1) over the pulleys. Smooth in all their numbers.
+double CapstanLogRatio(std::span<const PulleyParameters> pulleys, double base_tension_N);
+
 /// Largest tension the solver and the table accept.
 inline constexpr double kMaxCapstanTension_N = 1e6;
 

@@ -9,12 +9,17 @@
 
 namespace tendril::model {
 
-/// A tendon whose spool has taken in s (pull) has the tension k w log(1 + exp((s - d) / w)) with d its
+/// A tendon whose spool has taken in s (pull) has the tension k w log(1 + exp((s - d) / w)) there, with d its
 /// shortening in the body: k (s - d) when it is tight and 0 when it is slack, smooth over the width w.
+/// Friction between spool and base lets the body have exp(-loss) of it.
 class HeldStatics {
  public:
   /// `stiffness_Npm` of each tendon, M entries, and `width_m` are above 0. The body is referred to.
   HeldStatics(const Body& body, ConstVectorRef stiffness_Npm, double width_m);
+
+  /// From now on, M entries: above 0 where friction holds a tendon back that is pulled, below where it holds
+  /// one that is paid out. 0 at first.
+  void SetLoss(ConstVectorRef loss);
 
   /// Newton with a line search from q, dof entries, to the equilibrium at a pull of M entries; false where it
   /// does not arrive, with q as far as it came. Fast where it is called for states that resemble each other.
@@ -23,14 +28,14 @@ class HeldStatics {
   void Residual(ConstVectorRef pull_m, ConstVectorRef q, VectorRef force_Nm);
   /// d residual / dq at a state, dof x dof [N·m/rad], factored; valid until the next call.
   const Eigen::PartialPivLU<Eigen::MatrixXd>& Tangent(ConstVectorRef pull_m, ConstVectorRef q);
-  /// Of the last state looked at [N], M entries.
+  /// At the base, in the last state looked at [N], M entries.
   const Eigen::VectorXd& tension_N() const { return tension_; }
 
  private:
   void Linearise(ConstVectorRef pull_m, ConstVectorRef q);
 
   const Body* body_;
-  Eigen::VectorXd stiffness_;
+  Eigen::VectorXd stiffness_, stiffness_at_base_;  // as the body feels it
   double width_;
   Eigen::VectorXd shortening_, tension_, tendon_force_, force_, trial_force_, step_, trial_, spring_;
   Eigen::MatrixXd length_jacobian_, tangent_;

@@ -68,7 +68,7 @@ class Calibrating {
       c.key = number.key;
       c.unit = number.unit;
       c.additive = number.additive;
-      c.of_file = static_cast<bool>(number.value);
+      c.of_file = static_cast<bool>(number.value) && !number.assumed;
       c.in_file = number.ValueAt(file_, 0);
       c.value = number.ValueAt(file_, x);
       c.prior = number.deviation * number.per_change;
@@ -96,6 +96,11 @@ class Calibrating {
     found_.notes.push_back(
         "neither torques nor tensions: weights and stiffnesses are known relative to each other, and numbers "
         "of drives, friction and damping stay as they are in the file");
+    if (std::any_of(learned_.numbers.begin(), learned_.numbers.end(),
+                    [](const auto& n) { return n.assumed; })) {
+      found_.notes.push_back(
+          "the file draws no pulleys: friction was learned as that of sheaths, and is not in the new file");
+    }
     for (std::string& line : postures_.Lost()) found_.notes.push_back(std::move(line));
     if (learned_.unsolved > 0)
       found_.notes.push_back(

@@ -303,9 +303,10 @@ class Diagnosing {
     for (std::size_t k = 0; k < learned_.numbers.size(); ++k) {
       const PostureNumber& number = learned_.numbers[k];
       if (!number.value) continue;
-      moved.emplace_back(std::abs(learned_.x[static_cast<Eigen::Index>(k)]) / number.deviation,
-                         fmt::format("{} {:.3g} where the file has {:.3g}", number.key, number.value(found),
-                                     number.value(set_.robot)));
+      moved.emplace_back(
+          std::abs(learned_.x[static_cast<Eigen::Index>(k)]) / number.deviation,
+          fmt::format("{} {:.3g} where {:.3g} {}", number.key, number.value(found), number.value(set_.robot),
+                      number.assumed ? "is usual" : "is in the file"));
     }
     std::sort(moved.rbegin(), moved.rend());
     std::string text;

@@ -44,7 +44,7 @@ class Learning {
   Learning(const RobotParameters& file, const Postures& postures, bool frame_is_known,
            const LearnPosturesOptions& options)
       : postures_(postures), options_(options), measured_(postures.Stacked(&States::seen_m)) {
-    out_.file = PostureRobot::Of(file);
+    out_.file = PostureRobot::Of(WithSheaths(file));
     out_.numbers = PostureNumbers(file, frame_is_known, postures.points);
     const auto n = static_cast<Eigen::Index>(out_.numbers.size());
     out_.x = Eigen::VectorXd::Zero(n);

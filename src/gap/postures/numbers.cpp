@@ -19,6 +19,7 @@ constexpr double kRestBend_rad = 0.15;  // of a section without load
 constexpr double kTilt_rad = 0.05;      // of the base
 constexpr double kAnyWay_rad = 1.5;     // of a base whose mount is unknown
 constexpr double kLag_s = 0.1;
+constexpr double kSheath_rad = 0.7;  // wrap of a sheath that no file draws: it takes a tenth of the tension
 constexpr double kPlaced = 0.01,
                  kPlaced_rad = 0.02;  // of a tracker placed with care: of the length, and turned
 constexpr double kGuessed = 0.5, kGuessed_rad = 0.5;  // of one whose frame was read from the data
@@ -141,10 +142,40 @@ class Listing {
     };
     drive("spool.radius_m", [](TendonDriveParameters& d) -> double& { return d.spool.radius_m; });
     drive("tendon.stiffness_Npm", [](TendonDriveParameters& d) -> double& { return d.tendon.stiffness_Npm; });
+    OfPath(tendon);
     const auto row = static_cast<Eigen::Index>(tendon);
     const double lever_m = robot_.body.sections[k].tendons[j].radius_m;
     Add(fmt::format("zero of tendon {}", tendon + 1), "m", lever_m, kZero,
         [row, lever_m](PostureRobot& robot, double change) { robot.zero_m[row] += lever_m * change; });
+  }
+
+  /// The friction coefficients of all that a tendon passes, as one.
+  void OfPath(std::size_t tendon) {
+    const bool drawn = !robot_.actuation->tendons[tendon].transmission.pulleys.empty();
+    const char* word = "transmission.pulleys[1].alpha";
+    const std::string own = fmt::format("actuation.per_tendon.{}.{}", tendon + 1, word);
+    const Uncertainty known =
+        drawn ? Known({own, fmt::format("actuation.{}", word)}) : Uncertainty{Uncertainty::Kind::kUnknown, 0};
+    const auto pulleys = [tendon](RobotParameters& robot) -> std::vector<PulleyParameters>& {
+      return robot.actuation->tendons[tendon].transmission.pulleys;
+    };
+    RobotParameters copy = WithSheaths(robot_);
+    const auto deviation = DeviationOf(pulleys(copy).front().alpha, false, known);
+    if (!deviation || pulleys(copy).front().alpha == 0) return;
+    all_.push_back(
+        {.key = drawn ? own : fmt::format("friction coefficient of the sheath of tendon {}", tendon + 1),
+         .unit = "",
+         .deviation = *deviation,
+         .apply =
+             [pulleys](PostureRobot& robot, double change) {
+               for (PulleyParameters& pulley : pulleys(robot.robot)) pulley.alpha *= std::exp(change);
+             },
+         .value =
+             [pulleys](RobotParameters robot) {
+               RobotParameters its = WithSheaths(std::move(robot));
+               return pulleys(its).front().alpha;
+             },
+         .assumed = !drawn});
   }
 
   void OfMount() {
@@ -185,6 +216,13 @@ class Listing {
 };
 
 }  // namespace
+
+RobotParameters WithSheaths(RobotParameters robot) {
+  for (TendonDriveParameters& drive : robot.actuation->tendons) {
+    if (drive.transmission.pulleys.empty()) drive.transmission.pulleys = {UsualSheath(kSheath_rad)};
+  }
+  return robot;
+}
 
 double PostureNumber::ValueAt(const RobotParameters& file, double change) const {
   const double in_file = value ? value(file) : 0;

@@ -20,10 +20,14 @@ struct PostureNumber {
   std::function<void(PostureRobot&, double change)> apply{};
   /// Its value in a robot of the file; empty for a number that the file does not hold, which is 0 there.
   std::function<double(const RobotParameters&)> value{};
+  bool assumed = false;  // what the file leaves out, with a usual value in its place
 
   double ValueAt(const RobotParameters& file, double change) const;
   double ChangeTo(const RobotParameters& file, double value) const;
 };
+
+/// A robot of whose tendons' paths the file draws nothing has sheaths there: no path is without friction.
+RobotParameters WithSheaths(RobotParameters robot);
 
 /// Those that are not known exactly. `frame_is_known`: the tracker's readings are in the base frame but for
 /// the care of whoever placed it; otherwise they were turned and shifted by a guess. `points`: what is seen.

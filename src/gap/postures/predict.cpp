@@ -3,11 +3,14 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <memory>
 #include <stdexcept>
 
 #include "../rotation.h"
+#include "sliding.h"
 #include "tendril/core/parallel.h"
 #include "tendril/model/body.h"
+#include "tendril/model/capstan.h"
 #include "tendril/model/held_statics.h"
 #include "tendril/sim/effects.h"
 
@@ -22,24 +25,37 @@ constexpr int kPieces = 8;  // of the states, each solved in one piece
 /// A robot ready to be solved.
 class Solver {
  public:
-  explicit Solver(PostureRobot robot)
+  /// `like`: another robot in the same states, whose tendons may have slid as these; nullptr: none.
+  Solver(PostureRobot robot, const Postures& postures, const Solver* like)
       : robot_(std::move(robot)),
         body_(robot_.robot.body),
         R_(Rotation(robot_.turn_rad)),
         travel_(body_.tendons()),
-        stiffness_(body_.tendons()) {
+        stiffness_(body_.tendons()),
+        presliding_(body_.tendons()),
+        loss_(body_.tendons()) {
     for (int j = 0; j < body_.tendons(); ++j) {
       const auto& drive = robot_.robot.actuation->tendons[static_cast<std::size_t>(j)];
       travel_[j] = drive.SpoolTravelPerMotorRad();
       stiffness_[j] = drive.tendon.stiffness_Npm;
+      presliding_[j] = drive.transmission.presliding_m;
+      loss_[j] = model::CapstanLogRatio(drive.transmission.pulleys, robot_.robot.limits.min_tension_N);
+    }
+    const bool same = like != nullptr && like->travel_ == travel_ && like->presliding_ == presliding_;
+    for (std::size_t r = 0; r < postures.runs.size(); ++r) {
+      sliding_.push_back(
+          same ? like->sliding_[r]
+               : std::make_shared<const Eigen::MatrixXd>(SlidingOf(postures.runs[r], travel_, presliding_)));
     }
   }
   Solver(const Solver&) = delete;
 
   const model::Body& body() const { return body_; }
-  model::HeldStatics Statics() const {
-    return {body_, stiffness_, kSlackWidth * body_.parameters().largest_hole_m()};
+  /// ln of what friction takes of each tendon's tension, M entries. `run`: its number in the postures.
+  Eigen::VectorXd Loss(std::size_t run, Eigen::Index state) const {
+    return loss_.cwiseProduct(sliding_[run]->row(state).transpose());
   }
+  model::HeldStatics Statics() const { return {body_, stiffness_, robot_.slack_width_m}; }
   Eigen::VectorXd Pull(const States& run, Eigen::Index state) const {
     const Eigen::VectorXd angle =
         (run.motor_rad.row(state) - robot_.motor_lag_s * run.motor_radps.row(state)).transpose();
@@ -79,24 +95,25 @@ class Solver {
   PostureRobot robot_;
   model::Body body_;
   Eigen::Matrix3d R_;
-  Eigen::VectorXd travel_, stiffness_;
+  Eigen::VectorXd travel_, stiffness_, presliding_, loss_;
+  std::vector<std::shared_ptr<const Eigen::MatrixXd>> sliding_;  // by run, S x M
 };
 
 /// Some consecutive states of one run.
 struct Piece {
-  const States* run;
+  std::size_t run;                 // of the postures
   Eigen::Index first, count, row;  // of the run's states; row of the first in the result
 };
 
 std::vector<Piece> PiecesOf(const Postures& postures) {
   std::vector<Piece> pieces;
   Eigen::Index row = 0;
-  for (const States& run : postures.runs) {
-    const Eigen::Index states = run.time_s.size();
+  for (std::size_t r = 0; r < postures.runs.size(); ++r) {
+    const Eigen::Index states = postures.runs[r].time_s.size();
     const Eigen::Index longest = std::max<Eigen::Index>(1, (states + kPieces - 1) / kPieces);
     for (Eigen::Index first = 0; first < states; first += longest) {
       const Eigen::Index count = std::min(longest, states - first);
-      pieces.push_back({&run, first, count, row + first});
+      pieces.push_back({r, first, count, row + first});
     }
     row += states;
   }
@@ -120,9 +137,12 @@ class Predicting {
   /// The number of states without an equilibrium.
   int Run(const Piece& piece) {
     int unsolved = 0;
-    FromStraight(solver_.Pull(*piece.run, piece.first));
+    const States& run = postures_.runs[piece.run];
+    statics_.SetLoss(solver_.Loss(piece.run, piece.first));
+    FromStraight(solver_.Pull(run, piece.first));
     for (Eigen::Index i = 0; i < piece.count; ++i) {
-      const Eigen::VectorXd pull = solver_.Pull(*piece.run, piece.first + i);
+      const Eigen::VectorXd pull = solver_.Pull(run, piece.first + i);
+      statics_.SetLoss(solver_.Loss(piece.run, piece.first + i));
       const Eigen::VectorXd before = q_;
       bool solved = true;
       if (!statics_.Solve(pull, q_)) {
@@ -133,9 +153,9 @@ class Predicting {
           q_ = before;
         }
       }
-      out_.channels_m.row(piece.row + i) = Channels(solver_, *piece.run, piece.first + i, q_);
+      out_.channels_m.row(piece.row + i) = Channels(solver_, run, piece.first + i, q_);
       if (solved) {
-        Slopes(*piece.run, piece.first + i, piece.row + i, pull);
+        Slopes(piece.run, piece.first + i, piece.row + i, pull);
       } else {
         for (Eigen::MatrixXd& slope : out_.slopes) slope.row(piece.row + i).setZero();
       }
@@ -156,9 +176,10 @@ class Predicting {
     if (!q_.allFinite()) q_.setZero();
   }
 
-  void Slopes(const States& run, Eigen::Index state, Eigen::Index row, const Eigen::VectorXd& pull) {
+  void Slopes(std::size_t of, Eigen::Index state, Eigen::Index row, const Eigen::VectorXd& pull) {
     constexpr double kDisplaced = 1e-6;  // of a coordinate
     if (moved_.empty()) return;
+    const States& run = postures_.runs[of];
     statics_.Residual(pull, q_, force_);
     const Eigen::VectorXd here = force_;
     const Eigen::RowVectorXd at = out_.channels_m.row(row);
@@ -170,6 +191,7 @@ class Predicting {
     }
     const auto& tangent = statics_.Tangent(pull, q_);
     for (std::size_t p = 0; p < moved_.size(); ++p) {
+      moved_statics_[p].SetLoss(moved_[p]->Loss(of, state));
       moved_statics_[p].Residual(moved_[p]->Pull(run, state), q_, force_);
       const Eigen::VectorXd dq = -tangent.solve((force_ - here) / kStep);
       const Eigen::RowVectorXd directly = (Channels(*moved_[p], run, state, q_) - at) / kStep;
@@ -195,6 +217,7 @@ PostureRobot PostureRobot::Of(const RobotParameters& robot) {
   out.turn_rad = RotationVector(tracker.R);
   out.shift_m = tracker.offset_m;
   out.robot = sim::FoldEffects(robot);
+  out.slack_width_m = kSlackWidth * robot.body.largest_hole_m();
   const auto& tendons = out.robot.actuation->tendons;
   out.zero_m.resize(static_cast<Eigen::Index>(tendons.size()));
   for (std::size_t j = 0; j < tendons.size(); ++j) {
@@ -219,12 +242,12 @@ void MoveZero(PostureRobot& robot, const sim::Effect& effect, sim::Target tendon
 
 Predicted Predict(const RobotAt& robot_at, const Eigen::VectorXd& x, int slopes, const Postures& postures,
                   int threads) {
-  const Solver solver(robot_at(x));
+  const Solver solver(robot_at(x), postures, nullptr);
   std::vector<std::unique_ptr<Solver>> moved;
   for (int p = 0; p < slopes; ++p) {
     Eigen::VectorXd at = x;
     at[p] += kStep;
-    moved.push_back(std::make_unique<Solver>(robot_at(at)));
+    moved.push_back(std::make_unique<Solver>(robot_at(at), postures, &solver));
     if (moved.back()->body().dof() != solver.body().dof())
       throw std::invalid_argument("a number that gives the body other strains has no slope");
   }

@@ -1,5 +1,6 @@
 // Where the disks of a robot are while its motors hold their positions, and how that depends on its numbers.
-// Statics alone: inertia, friction and damping are left to the discrepancy. Knows nothing of priors.
+// Statics, with the friction between spools and base by the direction in which each tendon slid last: inertia
+// and what else depends on the way are left to the discrepancy. Knows nothing of priors.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,8 +17,9 @@ namespace tendril::gap {
 /// A robot, and what its file does not hold.
 struct PostureRobot {
   RobotParameters robot;
-  Eigen::VectorXd zero_m;  // M: pull of each tendon while its motor reads 0
-  double motor_lag_s = 0;  // the body follows the motors' readings by this
+  Eigen::VectorXd zero_m;    // M: pull of each tendon while its motor reads 0
+  double slack_width_m = 0;  // of pull, over which a tendon goes slack
+  double motor_lag_s = 0;    // the body follows the motors' readings by this
   // The tracker sees a point p of the base frame at R(turn) p + shift.
   Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero(), shift_m = Eigen::Vector3d::Zero();
   /// By disk: a sensor of its orientation is turned by this in the disk's axes; not turned where there is

@@ -76,6 +76,20 @@ Eigen::RowVectorXd SpeedOf(const Run& run, Eigen::Index first, Eigen::Index coun
   return speed;
 }
 
+/// What was not read is as it was before.
+Eigen::MatrixXd WithoutHoles(Eigen::MatrixXd readings) {
+  for (Eigen::Index j = 0; j < readings.cols(); ++j) {
+    const auto column = readings.col(j);
+    const auto first = std::find_if(column.begin(), column.end(), [](double x) { return std::isfinite(x); });
+    double last = first == column.end() ? 0 : *first;
+    for (Eigen::Index i = 0; i < readings.rows(); ++i) {
+      if (std::isfinite(readings(i, j))) last = readings(i, j);
+      readings(i, j) = last;
+    }
+  }
+  return readings;
+}
+
 class Averaging {
  public:
   Averaging(const Run& run, const std::vector<PosturePoint>& points, int disks) : run_(run) {
@@ -116,6 +130,7 @@ class Averaging {
     motor_.push_back(motor);
     speed_.push_back(SpeedOf(run_, first, count));
     seen_.push_back(seen);
+    out_.rows.push_back({first, count});
   }
 
   /// Those in which everything was read, if there are any: means over different rows are of different times.
@@ -137,6 +152,7 @@ class Averaging {
   void Fill() {
     out_.time_s = Eigen::Map<const Eigen::VectorXd>(time_.data(), static_cast<Eigen::Index>(time_.size()));
     out_.motor_rad = Stacked(motor_);
+    out_.path_rad = WithoutHoles(run_.motor_position_rad);
     out_.motor_radps = Stacked(speed_);
     const Eigen::MatrixXd seen = Stacked(seen_);
     out_.seen_m = Eigen::MatrixXd::Zero(seen.rows(), 3 * (places_ + turns_));
@@ -160,6 +176,11 @@ void Thin(States& run, int n) {
   run.time_s = run.time_s(kept).eval();
   for (Eigen::MatrixXd* values : {&run.motor_rad, &run.motor_radps, &run.seen_m, &run.quaternion})
     *values = (*values)(kept, Eigen::all).eval();
+  std::vector<States::Rows> rows;
+  for (const Eigen::Index i : kept) {
+    if (!run.rows.empty()) rows.push_back(run.rows[static_cast<std::size_t>(i)]);
+  }
+  run.rows = std::move(rows);
 }
 
 }  // namespace

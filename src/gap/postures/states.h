@@ -29,6 +29,13 @@ struct States {
   Eigen::MatrixXd seen_m;       // S x C, places in the tracker's frame
   Eigen::MatrixXd quaternion;   // S x 4T: w, x, y, z, from the disk's axes to the tracker's
   int lost = 0;                 // states left out: a motor or a disk was not read
+  // How the motors came there: all their readings, those that are missing as the ones before, and which rows
+  // each state is the mean of. Empty: only the states are known.
+  Eigen::MatrixXd path_rad{};  // R x M
+  struct Rows {
+    Eigen::Index first = 0, count = 0;
+  };
+  std::vector<Rows> rows{};  // S
 };
 
 struct Postures {

@@ -1,0 +1,16 @@
+// In which direction each tendon slid last, from the path of its motor.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "states.h"
+
+namespace tendril::gap {
+
+/// S x M, the mean over each state's readings: 1 where the motor has pulled the tendon by twice the
+/// pre-sliding since it turned round, -1 where it has paid it out, 0 before any motion. `travel_m`: pull of
+/// each tendon per motor angle, `presliding_m` > 0; M entries each.
+Eigen::MatrixXd SlidingOf(const States& run, const Eigen::VectorXd& travel_m,
+                          const Eigen::VectorXd& presliding_m);
+
+}  // namespace tendril::gap
