@@ -87,8 +87,14 @@ def test_jog_moves_release_stops_space_disarms(terminal, client):
     assert time.monotonic() - let_go < 1.5
     assert np.linalg.norm(client.state().tip_desired_W_m - at_release) < 2e-3
     assert client.state().running, "a jog that ended well does not end in hold"
-    terminal.key("1", "Up")
-    until("bends", lambda: client.state().bending_desired_rad[1] > 0.005, 5, terminal.shown)
+    terminal.key("1")
+
+    def bends():
+        # Again, where a busy machine took the key too late for it to move anything.
+        terminal.key("Up")
+        return client.state().bending_desired_rad[1] > 0.005
+
+    until("bends", bends, 5, terminal.shown)
     terminal.key("Space")
     until("disarmed", lambda: client.state().disarmed, 5, terminal.shown)
 

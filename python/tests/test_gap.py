@@ -25,6 +25,8 @@ ROBOT = ROBOTS / "rig_60mm.yaml"
 PLAN = SOURCE / "examples" / "session_plan.yaml"
 PAYLOAD = "tip_payload mass_kg=0.002"
 FEW = ["tip_payload", "bending_stiffness", "backlash"]
+# One motion and its repeat, as short as they may be.
+SHORT = "runs:\n  - {family: circle, duration_s: 3, repeats: 1}\n"
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +43,19 @@ def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("cli") / "set"
     program("gap", "simulate", "--robot", ROBOT, "--plan", PLAN, "--effect", PAYLOAD, "--seed", 3, "--out", out)
     return out
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory):
+    """A plan for what takes long on any runs and gives the same of few: its file."""
+    plan = tmp_path_factory.mktemp("short") / "plan.yaml"
+    plan.write_text(SHORT)
+    return plan
+
+
+@pytest.fixture(scope="module")
+def short_data(short):
+    return tendril.simulate(ROBOT, [PAYLOAD], plan=short, seed=3)
 
 
 @dataclasses.dataclass
@@ -114,9 +129,9 @@ def test_a_planted_effect_is_found(data, report):
     assert tip[1][2] < tip[0][2]  # the payload bends it further
 
 
-def test_what_changed_is_found(data):
-    before = tendril.simulate(ROBOT, plan=PLAN, seed=4)
-    change = tendril.diagnose(ROBOT, data, before, only=FEW, next=False)
+def test_what_changed_is_found(short, short_data):
+    before = tendril.simulate(ROBOT, plan=short, seed=4)
+    change = tendril.diagnose(ROBOT, short_data, before, only=FEW, next=False)
     assert change.accepted[0].effect == "tip_payload"
     assert {run.before for run in change.provenance.runs} - {""}
 
@@ -168,7 +183,7 @@ def test_a_set_keeps_its_name_with_another_robot(data):
 
 
 def test_logs_give_runs(tmp_path):
-    program("demo", "--trajectory", "planar", "--out", tmp_path)
+    program("demo", "--trajectory", "planar", "--no-plots", "--out", tmp_path)
     runs = tendril.DataSet.from_log(next(tmp_path.rglob("*.lcmlog")))
     assert len(runs) == 1 and runs.runs[0].tension.shape[1] == runs.robot.tendons
     assert "C4" in runs.cuts()
@@ -234,7 +249,9 @@ def test_wrong_arguments_are_named(rig, data, tmp_path):
         tendril.simulate(ROBOTS / "qi2021_60mm.yaml")
 
 
-def test_calibration_is_the_command_lines(folder, tmp_path):
+def test_calibration_is_the_command_lines(short_data, tmp_path):
+    folder = tmp_path / "set"
+    short_data.to_folder(folder)
     found = tendril.calibrate(ROBOT, folder, threads=1)
     program("gap", "calibrate", "--robot", ROBOT, folder, "--out", tmp_path / "better.yaml", "--json", tmp_path / "c.json")
     theirs = json.loads((tmp_path / "c.json").read_text())
