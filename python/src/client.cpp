@@ -55,7 +55,8 @@ nb::object ToPython(const std::optional<Bytes>& bytes) {
 /// What has been received so far; filled by a thread of its own.
 class Listener {
  public:
-  Listener(const std::string& url, const std::string& prefix) : client_(url, prefix) {
+  Listener(const std::string& url, const std::string& prefix, const std::string& key)
+      : client_(url, prefix, key) {
     client_.OnState([this](const tendril_lcm::state_t& m) {
       Put([&] { states_.push_back(Encoded(m)), ++count_, received_ = Clock::now(); });
     });
@@ -150,7 +151,7 @@ Vector ToVector(const std::vector<double>& values, int most, const char* what) {
 class Client {
  public:
   Client(std::string url, std::string prefix) : url_(std::move(url)), prefix_(std::move(prefix)) {
-    listener_ = std::make_shared<Listener>(url_, prefix_);
+    listener_ = std::make_shared<Listener>(url_, prefix_, key_);
   }
 
   nb::object State(double max_age_s, double timeout_s) {
@@ -222,7 +223,8 @@ class Client {
         .robot_file = robot_file,
         .stopped_by = [work] { return std::string(work->stopped() ? "Ctrl-C" : ""); },
         .tell = say,
-        .progress = [work = work.get()](const std::string& line) { work->Tell(line, 0); }};
+        .progress = [work = work.get()](const std::string& line) { work->Tell(line, 0); },
+        .key = key_};
     Run(
         work,
         [=] {
@@ -282,7 +284,7 @@ class Client {
     const auto work = std::make_shared<Work>();
     Run(
         work,
-        [=, call = io::CommandCall{url_, prefix_, command, timeout_s, work->stop()}] {
+        [=, call = io::CommandCall{url_, prefix_, command, timeout_s, work->stop(), key_}] {
           *answer = io::SendCommand(call, [&](const std::string& what) { work->Report(what, 0); });
         },
         waiting);
@@ -290,6 +292,7 @@ class Client {
   }
 
   std::string url_, prefix_;
+  std::string key_ = io::KeyOfEnvironment();  // as long as it is open: it can always disarm what it armed
   std::shared_ptr<Listener> listener_;
 };
 

@@ -119,6 +119,8 @@ def test_what_a_daemon_with_a_key_does_not_take_is_no_success(tmp_path, monkeypa
                 other.arm()
             assert time.monotonic() - began < 5
         assert operator.state().running
+        operator.disarm()  # with the key that it opened with
+        assert operator.state().disarmed
 
 
 def test_an_exception_disarms_too(robot):

@@ -43,7 +43,8 @@ std::uint32_t TicksOfEpoch() {
 }  // namespace
 
 struct Client::State {
-  State(std::unique_ptr<lcm::LCM> owned_lcm, lcm::LCM* shared, const std::string& channel_prefix)
+  State(std::unique_ptr<lcm::LCM> owned_lcm, lcm::LCM* shared, const std::string& channel_prefix,
+        const std::string& key)
       : owned(std::move(owned_lcm)),
         lcm(owned ? owned.get() : shared),
         prefix(channel_prefix),
@@ -51,7 +52,7 @@ struct Client::State {
         bending_channel(ChannelName(prefix, "COMMAND_BENDING")),
         tension_channel(ChannelName(prefix, "COMMAND_TENSION")),
         mode_channel(ChannelName(prefix, "COMMAND_MODE")) {
-    if (const std::string file = KeyFileOfEnvironment(); !file.empty()) signer.emplace(LoadKey(file));
+    if (!key.empty()) signer.emplace(key);
     Subscribe<&State::event, &State::TakeEvent>("EVENT");
   }
 
@@ -107,11 +108,11 @@ struct Client::State {
   std::string waits, ignored;
 };
 
-Client::Client(const std::string& url, const std::string& channel_prefix)
-    : state_(std::make_unique<State>(OpenLcm(url), nullptr, channel_prefix)) {}
+Client::Client(const std::string& url, const std::string& channel_prefix, const std::string& key)
+    : state_(std::make_unique<State>(OpenLcm(url), nullptr, channel_prefix, key)) {}
 
-Client::Client(lcm::LCM* lcm, const std::string& channel_prefix)
-    : state_(std::make_unique<State>(nullptr, lcm, channel_prefix)) {}
+Client::Client(lcm::LCM* lcm, const std::string& channel_prefix, const std::string& key)
+    : state_(std::make_unique<State>(nullptr, lcm, channel_prefix, key)) {}
 
 Client::~Client() = default;
 

@@ -73,7 +73,7 @@ class Waiting {
 class Conversation {
  public:
   explicit Conversation(const CommandCall& call)
-      : call_(call), command_(call.command), client_(call.url, call.channel_prefix) {
+      : call_(call), command_(call.command), client_(call.url, call.channel_prefix, call.key) {
     client_.OnState([this](const State& state) { Hear(state); });
   }
 

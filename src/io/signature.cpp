@@ -80,9 +80,9 @@ std::string LoadKey(const std::string& path) {
   return key;
 }
 
-std::string KeyFileOfEnvironment() {
+std::string KeyOfEnvironment() {
   const char* path = std::getenv("TENDRIL_KEY_FILE");
-  return path != nullptr ? path : "";
+  return path != nullptr && *path != 0 ? LoadKey(path) : "";
 }
 
 Signer::Signer(std::string key) : key_(std::move(key)), sender_(std::random_device{}()) {}

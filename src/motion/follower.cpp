@@ -86,7 +86,9 @@ double Subject::LeadS() const {
 struct Follower::Impl {
  public:
   explicit Impl(const FollowSetup& setup)
-      : setup_(setup), lcm_(io::OpenLcm(setup.lcm_url)), client_(lcm_.get(), setup.channel_prefix) {
+      : setup_(setup),
+        lcm_(io::OpenLcm(setup.lcm_url)),
+        client_(lcm_.get(), setup.channel_prefix, setup.key) {
     client_.OnState([this](const tendril_lcm::state_t& s) {
       state_ = s;
       heard_ns_ = clock_.Now();

@@ -167,8 +167,8 @@ TEST(Postures, NumbersThatNobodyKnewAreLearned) {
   for (std::size_t k = 0; k < learned.numbers.size(); ++k) {
     const PostureNumber& number = learned.numbers[k];
     const auto i = static_cast<Eigen::Index>(k);
-    if (number.assumed) {
-      EXPECT_LT(std::exp(learned.x[i]), 0.5) << number.key;  // there is no friction
+    if (number.key == "friction coefficient of the sheaths") {
+      EXPECT_LT(std::exp(learned.x[i]), 0.3) << number.key;  // there is none
     }
     if (!number.value || number.assumed) continue;
     const double is = number.value(AsBuilt()), file = number.value(Hose());
@@ -191,17 +191,14 @@ TEST(Postures, FrictionOfSheathsThatNobodyDrewIsLearned) {
   const LearnedPostures learned = LearnPostures(Hose(), PosturesOf({&run}, Hose()), true, {.threads = 2});
   EXPECT_LT(PointRms(learned.held_out_m, 1), 1.2e-3);
   const Eigen::MatrixXd covariance = learned.precision.inverse();
-  int found = 0;
-  for (std::size_t k = 0; k < learned.numbers.size(); ++k) {
-    const PostureNumber& number = learned.numbers[k];
-    if (!number.key.starts_with("friction coefficient of the sheath")) continue;
-    const auto i = static_cast<Eigen::Index>(k);
-    const double usual_wrap = WithSheaths(Hose()).actuation->tendons[0].transmission.pulleys[0].wrap_rad;
-    EXPECT_LT(std::abs(learned.x[i] - std::log(kWrap_rad / usual_wrap)), 4 * std::sqrt(covariance(i, i)));
-    EXPECT_LT(std::sqrt(covariance(i, i)), 0.5 * number.deviation) << number.key;
-    ++found;
-  }
-  EXPECT_EQ(found, 8);
+  const auto common = std::find_if(learned.numbers.begin(), learned.numbers.end(), [](const auto& number) {
+    return number.key == "friction coefficient of the sheaths";
+  });
+  ASSERT_NE(common, learned.numbers.end());
+  const Eigen::Index i = common - learned.numbers.begin();
+  const double usual_wrap = WithSheaths(Hose()).actuation->tendons[0].transmission.pulleys[0].wrap_rad;
+  EXPECT_LT(std::abs(learned.x[i] - std::log(kWrap_rad / usual_wrap)), 4 * std::sqrt(covariance(i, i)));
+  EXPECT_LT(std::sqrt(covariance(i, i)), 0.3 * common->deviation);
 }
 
 TEST(Postures, ASheathThatIsBentMoreIsNamed) {
@@ -465,11 +462,12 @@ TEST(Postures, ACalibrationWritesTheRobotThatMoved) {
   for (const CalibratedNumber& c : found.numbers) {
     EXPECT_LE(c.low, c.value) << c.key;
     EXPECT_GE(c.high, c.value) << c.key;
-    if (c.key.starts_with("friction coefficient of the sheath")) {
+    if (c.key.starts_with("friction coefficient of")) {
       EXPECT_FALSE(c.of_file) << c.key;
       EXPECT_EQ(c.in_file, UsualSheath(1).alpha) << c.key;
       continue;
     }
+    if (c.key.starts_with("pull ")) continue;
     if (!c.of_file) {
       EXPECT_EQ(c.in_file, 0) << c.key;
       EXPECT_FALSE(c.unit.empty()) << c.key;
@@ -570,7 +568,7 @@ TEST(Postures, ReadingsThatCannotBeAreLeftOut) {
     EXPECT_NE(notes.find(part), notes.npos) << part << " is not in\n" << notes;
   for (std::size_t k = 0; k < found.channels.size(); ++k)
     EXPECT_LT(found.channels[k].held_out, 1.15 * clean.channels[k].held_out) << found.channels[k].name;
-  EXPECT_EQ(clean.notes.size(), 1u);
+  EXPECT_EQ(clean.notes.size(), 2u);  // what such runs do not show, and sheaths
 }
 
 TEST(Postures, LeapsOfATrackerSlowerThanItsLogAreFound) {

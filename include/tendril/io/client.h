@@ -8,6 +8,7 @@
 #include <string>
 
 #include "tendril/core/cycle.h"
+#include "tendril/io/signature.h"
 
 namespace lcm {
 class LCM;
@@ -28,11 +29,12 @@ class Client {
   using RunSink = std::function<void(const tendril_lcm::run_t&)>;
   using StatisticsSink = std::function<void(const tendril_lcm::statistics_t&)>;
 
-  /// Opens its own connection. Throws std::runtime_error with the remedy when it, or the key file that
-  /// TENDRIL_KEY_FILE names, cannot be opened.
-  Client(const std::string& url, const std::string& channel_prefix);
+  /// Opens its own connection, and signs with this key; empty: not. Throws std::runtime_error with the remedy
+  /// when the connection, or the key file of the environment, cannot be opened.
+  Client(const std::string& url, const std::string& channel_prefix,
+         const std::string& key = KeyOfEnvironment());
   /// On an existing connection (for example Gateway::lcm()), which must outlive the client.
-  Client(lcm::LCM* lcm, const std::string& channel_prefix);
+  Client(lcm::LCM* lcm, const std::string& channel_prefix, const std::string& key = KeyOfEnvironment());
   ~Client();
 
   /// Called in Handle; must not throw.
@@ -48,7 +50,7 @@ class Client {
   /// The gateway's last reason to ignore a command of anybody, as "TENDRIL_COMMAND_MODE: message ignored:
   /// ..."; empty: none in Handle so far.
   const std::string& ignored() const noexcept;
-  /// Publishes the command on its channel, except kind kNone, signed where TENDRIL_KEY_FILE names a key.
+  /// Publishes the command on its channel, except kind kNone, signed where the client has a key.
   /// `utime` [us since the epoch] is the time of the command, 0: its time of arrival. received_ns of the
   /// command is not sent. False when publishing failed.
   bool Send(const Command& command, std::int64_t utime);

@@ -20,6 +20,7 @@ struct CommandCall {
   /// From another thread: what is waited for is not waited for any more, and what was not sent yet is not
   /// sent.
   const std::atomic<bool>* stop = nullptr;
+  std::string key = KeyOfEnvironment();  // that signs it; empty: it is not signed
 };
 
 /// Sends it and waits for its answer; an arm first for a daemon and drives that are still starting, and then

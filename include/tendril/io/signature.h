@@ -25,8 +25,8 @@ std::size_t UnsignedSize(const void* data, std::size_t size) noexcept;
 /// with the remedy; also for a file that every user of the machine may read.
 std::string LoadKey(const std::string& path);
 
-/// The file that TENDRIL_KEY_FILE names; empty: none.
-std::string KeyFileOfEnvironment();
+/// The key in the file that TENDRIL_KEY_FILE names; empty: none. Throws as LoadKey.
+std::string KeyOfEnvironment();
 
 class Signer {
  public:

@@ -8,6 +8,7 @@
 
 #include "tendril/core/daemon.h"
 #include "tendril/core/robot.h"
+#include "tendril/io/signature.h"
 #include "tendril/motion/motion.h"
 
 namespace tendril::motion {
@@ -27,6 +28,7 @@ struct FollowSetup {
   std::function<std::string()> stopped_by;                // not empty: what ends it
   std::function<void(const std::string& line)> tell;      // what is done, and how well it went
   std::function<void(const std::string& line)> progress;  // once a second
+  std::string key = io::KeyOfEnvironment();               // that signs targets; empty: they are not signed
 };
 
 /// A running daemon and its robot. Everything that goes wrong is a std::runtime_error; the robot then holds

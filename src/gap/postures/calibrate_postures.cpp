@@ -96,8 +96,9 @@ class Calibrating {
     found_.notes.push_back(
         "neither torques nor tensions: weights and stiffnesses are known relative to each other, and numbers "
         "of drives, friction and damping stay as they are in the file");
-    if (std::any_of(learned_.numbers.begin(), learned_.numbers.end(),
-                    [](const auto& n) { return n.assumed; })) {
+    const auto& tendons = file_.actuation->tendons;
+    if (std::any_of(tendons.begin(), tendons.end(),
+                    [](const auto& drive) { return drive.transmission.pulleys.empty(); })) {
       found_.notes.push_back(
           "the file draws no pulleys: friction was learned as that of sheaths, and is not in the new file");
     }
