@@ -13,9 +13,8 @@ import subprocess
 import sys
 import sysconfig
 
-# The first group waits for robots that are simulated in real time; its last tests, which are the least patient, have the
-# machine almost to themselves. Robots of two groups have the same channels, so each group has a network of its own. Whatever
-# is in none of them is a group as well.
+# The first group waits for robots that are simulated in real time, and computes little meanwhile. Robots of two groups have the
+# same channels, so each group has a network of its own. Whatever is in none of them is a group as well.
 GROUPS = (
     (
         "test_view_live.py",
@@ -24,7 +23,6 @@ GROUPS = (
         "test_dashboard_commands.py",
         "test_dashboard_terminal.py",
     ),
-    ("test_notebooks.py",),
 )
 OWN_NETWORK = pathlib.Path(__file__).resolve().parents[1] / "tools" / "own_network.sh"
 

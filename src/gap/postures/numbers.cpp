@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <initializer_list>
 
@@ -185,7 +186,9 @@ class Listing {
 
   /// What the tendons' paths have in common: sheaths of one robot are alike.
   void OfPaths() {
-    const bool drawn = !robot_.actuation->tendons.front().transmission.pulleys.empty();
+    const auto& tendons = robot_.actuation->tendons;
+    const bool drawn = std::none_of(tendons.begin(), tendons.end(),
+                                    [](const auto& drive) { return drive.transmission.pulleys.empty(); });
     const Uncertainty unknown{Uncertainty::Kind::kUnknown, 0};
     if (!drawn) {
       OfAllPaths("friction coefficient of the sheaths", "", unknown, true, [](TransmissionParameters& t) {

@@ -19,8 +19,7 @@ Effect WrapAngle() {
       .physics =
           "Friction grows with the angle that the tendon is turned through: a pulley out of place, a "
           "bent sheath or an edge that it drags over add extra_rad to the wrap (shared by the pulleys "
-          "of the path; never less than none). On a path drawn without pulleys it is a sheath with the "
-          "friction coefficient 0.15.",
+          "of the path; never less than none).",
       .signature =
           "Like a larger friction coefficient: tension lost between motor and robot, in a loop between "
           "pulling and paying out.",
@@ -32,7 +31,6 @@ Effect WrapAngle() {
           [](RobotParameters& robot, Target target, std::span<const double> v) {
             ForTendons(robot, target, [&](TendonDriveParameters& tendon) {
               auto& pulleys = tendon.transmission.pulleys;
-              if (pulleys.empty() && v[0] > 0) pulleys.push_back(UsualSheath(0));
               for (PulleyParameters& pulley : pulleys) {
                 pulley.wrap_rad = std::max(0.0, pulley.wrap_rad + v[0] / static_cast<double>(pulleys.size()));
               }
