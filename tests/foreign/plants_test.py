@@ -285,8 +285,8 @@ class Judgement(unittest.TestCase):
 
 
 # A program that answers as tendril does, the same to every set; it is called wrongly while there is a file "broken".
-STUB = """#!/bin/sh
-[ "$1" = --version ] && echo "tendril 0 stub" && exit
+ANSWERS_ALIKE = """#!/bin/sh
+[ "$1" = --version ] && echo "tendril 0 alike" && exit
 [ -e "$(dirname "$0")/broken" ] && exit 2
 [ "$2" = import ] && exit
 while [ "$1" != --out ]; do shift; done
@@ -300,13 +300,13 @@ class Command(unittest.TestCase):
     def setUp(self):
         self.scratch = Path(self.enterContext(tempfile.TemporaryDirectory()))
         self.scratch.chmod(0o755)  # the diagnosis is another user's
-        self.folder, self.vault, self.stub = (self.scratch / name for name in ("c", "c.vault", "tendril"))
-        self.stub.write_text(STUB)
-        self.stub.chmod(0o755)
+        self.folder, self.vault, self.program = (self.scratch / name for name in ("c", "c.vault", "tendril"))
+        self.program.write_text(ANSWERS_ALIKE)
+        self.program.chmod(0o755)
         self.enterContext(mock.patch.multiple(campaign, FEWEST=2, MOST=3))
 
     def run_it(self, out=None, sets=2):
-        words = ["--sets", sets, "--seed", 1, "--plant", "cable", "--jobs", 1, "--tendril", self.stub]
+        words = ["--sets", sets, "--seed", 1, "--plant", "cable", "--jobs", 1, "--tendril", self.program]
         words += ["--out", out or self.folder]
         silent = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
         with mock.patch.object(sys, "argv", ["gap_foreign", *map(str, words)]), silent[0], silent[1]:
@@ -347,7 +347,7 @@ class Command(unittest.TestCase):
         self.assertEqual(seal.digest(self.folder / "seals"), seals)
         summary = json.loads((self.folder / "summary.json").read_text())
         self.assertEqual(summary["plan"], dict(sets=2, seed=1, plant="cable"))
-        self.assertEqual(summary["program"], dict(sha256=seal.sha(STUB.encode()), version="tendril 0 stub"))
+        self.assertEqual(summary["program"], dict(sha256=seal.sha(ANSWERS_ALIKE.encode()), version="tendril 0 alike"))
         for given in summary["sets"]:
             name = given["id"]
             self.assertEqual(given["given_sha256"], seal.sha((self.folder / "answers" / f"{name}.json").read_bytes()))
@@ -377,7 +377,7 @@ class Command(unittest.TestCase):
         kept = answer.rename(self.scratch / "kept.json")
         with self.other(data, "t"), self.assertRaisesRegex(RuntimeError, "1 of 2 sets without an answer: 0001"):
             self.run_it()
-        with self.other(self.stub, STUB + "# another build"):
+        with self.other(self.program, ANSWERS_ALIKE + "# another build"):
             self.refused("another build than the one that answered 0000.json")
         self.run_again_with(kept, answer)
 
@@ -395,7 +395,7 @@ class Command(unittest.TestCase):
     def test_another_program_than_the_one_written_down_answers_nothing(self):
         words = ["/bin/sh", "-c", "exit 0"], seal.sha(b"another"), str(self.vault), str(self.folder)
         with self.assertRaisesRegex(seal.NotRun, "tendril is another program"):
-            seal.run_sealed(str(self.folder), *words, str(self.scratch / "claim"), 60, str(self.stub))
+            seal.run_sealed(str(self.folder), *words, str(self.scratch / "claim"), 60, str(self.program))
 
     def test_folders_of_others_are_left_alone(self):
         other = self.scratch / "other"

@@ -177,15 +177,15 @@ TEST(Postures, NumbersThatNobodyKnewAreLearned) {
   }
 }
 
-/// Sheaths from spools to base that nobody drew: `wrap_rad` of the usual one.
+/// With sheaths from spools to base, bent by this, that the file does not draw.
 RobotParameters InSheaths(double wrap_rad) {
-  RobotParameters robot = AsBuilt();
+  RobotParameters robot = WithSheaths(AsBuilt());
   for (TendonDriveParameters& drive : robot.actuation->tendons)
-    drive.transmission.pulleys = {UsualSheath(wrap_rad)};
+    drive.transmission.pulleys.front().wrap_rad = wrap_rad;
   return robot;
 }
 
-TEST(Postures, FrictionOfSheathsThatNobodyDrewIsLearned) {
+TEST(Postures, FrictionIsLearnedWhereNoPulleysAreDrawn) {
   constexpr double kWrap_rad = 2.5;
   const gap::Run run = Moved(InSheaths(kWrap_rad), "run", 1);
   const LearnedPostures learned = LearnPostures(Hose(), PosturesOf({&run}, Hose()), true, {.threads = 2});
@@ -263,8 +263,47 @@ TEST(Postures, AreThoseOfTheSimulatorAtRest) {
   EXPECT_GT(motion.tip_m.col(0).maxCoeff() - motion.tip_m.col(0).minCoeff(), 0.02);
 }
 
+// ... and what friction does to them on the way is what it does there, apart from inertia and damping.
+TEST(Postures, FrictionIsThatOfTheSimulatorInSlowMotion) {
+  const RobotParameters robot = InSheaths(2);
+  RobotParameters smooth = robot;
+  for (auto& drive : smooth.actuation->tendons) drive.transmission.pulleys.front().alpha = 0;
+  const gap::Run run = Moved(robot, "run", 4, 30);
+  const Postures postures = PosturesOf({&run}, robot);
+  sim::ReplaySignals signals;
+  signals.step_s = 0.05;
+  signals.load_cell = LoadCellPlace::kNone;
+  signals.motor_angle_rad = run.motor_position_rad;
+  const Eigen::Index rows = signals.motor_angle_rad.rows();
+  signals.motor_velocity_radps = signals.motor_acceleration_radps2 = Eigen::MatrixXd::Zero(rows, 8);
+  for (Eigen::Index i = 1; i + 1 < rows; ++i) {
+    signals.motor_velocity_radps.row(i) =
+        (signals.motor_angle_rad.row(i + 1) - signals.motor_angle_rad.row(i - 1)) / (2 * signals.step_s);
+  }
+  const auto simulated = [&](const RobotParameters& of) {
+    const Eigen::MatrixXd tip_m = sim::Replay(of).Body(signals, sim::Replay::DrivenBy::kMotor).tip_m;
+    EXPECT_EQ(tip_m.rows(), rows);
+    Eigen::MatrixXd means(postures.states(), 3);
+    for (Eigen::Index s = 0; s < means.rows(); ++s) {
+      const States::Rows its = postures.runs[0].rows[static_cast<std::size_t>(s)];
+      means.row(s) = tip_m.middleRows(its.first, its.count).colwise().mean();
+    }
+    return means;
+  };
+  const auto predicted = [&](const RobotParameters& of) {
+    const Predicted at =
+        Predict([&](const Eigen::VectorXd&) { return PostureRobot::Of(of); }, {}, 0, postures, 1);
+    return Eigen::MatrixXd(at.channels_m.rightCols(3));
+  };
+  // Statics have one pull in which friction turns round, that which the tendon stretches meanwhile included.
+  RobotParameters stretched = robot;
+  for (auto& drive : stretched.actuation->tendons) drive.transmission.presliding_m *= 4;
+  const Eigen::MatrixXd by_friction = simulated(robot) - simulated(smooth);
+  EXPECT_LT((predicted(stretched) - predicted(smooth) - by_friction).norm(), 0.25 * by_friction.norm());
+}
+
 TEST(Postures, SlopesAreThoseOfThePrediction) {
-  const RobotParameters robot = Hose();
+  const RobotParameters robot = WithSheaths(Hose());
   gap::Run run = Moved(robot, "run", 3, 5);
   run.disk_quaternion = Eigen::MatrixXd::Constant(run.time_s.size(), 16, kNoReading);
   run.disk_quaternion.middleCols(4, 4) =
@@ -305,6 +344,23 @@ TEST(Postures, APayloadIsNamedWithItsSizeOnARobotThatIsNotWhatItsFileSays) {
       std::find_if(d.location.begin(), d.location.end(), [](const auto& f) { return f.first; });
   ASSERT_NE(first, d.location.end());
   EXPECT_EQ(first->cut, sim::Cut::kShape);
+  // The curves that a report shows are those that the figures were computed from.
+  ASSERT_EQ(d.overlays.size(), d.closures.size());
+  for (std::size_t c = 0; c < d.overlays.size(); ++c) {
+    const Overlay& shown = d.overlays[c];
+    EXPECT_EQ(shown.channel, d.closures[c].channel);
+    EXPECT_EQ(shown.run, "after");
+    EXPECT_EQ(shown.floor, d.closures[c].floor_rms);
+    const Eigen::Index states = std::ssize(shown.time_s);
+    const auto rms = [&](const std::vector<double>& model) {
+      const Eigen::Map<const Eigen::VectorXd> measured(shown.measured.data(), states),
+          modelled(model.data(), states);
+      return (measured - modelled).norm() / std::sqrt(static_cast<double>(states));
+    };
+    ASSERT_EQ(shown.after.size(), shown.time_s.size());
+    EXPECT_NEAR(rms(shown.before), d.closures[c].before_rms, 1e-9);
+    EXPECT_NEAR(rms(shown.after), d.closures[c].after_rms, 1e-9);
+  }
 }
 
 TEST(Postures, OrientationsAloneNameAPayload) {
@@ -464,10 +520,14 @@ TEST(Postures, ACalibrationWritesTheRobotThatMoved) {
     EXPECT_GE(c.high, c.value) << c.key;
     if (c.key.starts_with("friction coefficient of")) {
       EXPECT_FALSE(c.of_file) << c.key;
-      EXPECT_EQ(c.in_file, UsualSheath(1).alpha) << c.key;
+      EXPECT_EQ(c.in_file, WithSheaths(Hose()).actuation->tendons[0].transmission.pulleys[0].alpha) << c.key;
       continue;
     }
-    if (c.key.starts_with("pull ")) continue;
+    if (c.key.starts_with("pull in which")) {
+      EXPECT_FALSE(c.of_file) << c.key;
+      EXPECT_EQ(c.unit, "m");
+      continue;
+    }
     if (!c.of_file) {
       EXPECT_EQ(c.in_file, 0) << c.key;
       EXPECT_FALSE(c.unit.empty()) << c.key;
@@ -568,7 +628,9 @@ TEST(Postures, ReadingsThatCannotBeAreLeftOut) {
     EXPECT_NE(notes.find(part), notes.npos) << part << " is not in\n" << notes;
   for (std::size_t k = 0; k < found.channels.size(); ++k)
     EXPECT_LT(found.channels[k].held_out, 1.15 * clean.channels[k].held_out) << found.channels[k].name;
-  EXPECT_EQ(clean.notes.size(), 2u);  // what such runs do not show, and sheaths
+  ASSERT_EQ(clean.notes.size(), 2u);
+  EXPECT_NE(clean.notes[0].find("neither torques nor tensions"), std::string::npos) << clean.notes[0];
+  EXPECT_NE(clean.notes[1].find("no pulleys"), std::string::npos) << clean.notes[1];
 }
 
 TEST(Postures, LeapsOfATrackerSlowerThanItsLogAreFound) {

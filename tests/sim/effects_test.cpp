@@ -645,6 +645,19 @@ TEST(EffectRegistry, TextSettingAndFileAreOne) {
   EXPECT_NO_THROW(CheckEffects(robot));
 }
 
+TEST(EffectRegistry, WrapOnAPathDrawnWithoutPulleysIsASheath) {
+  RobotParameters robot = Rig();
+  robot.actuation->tendons[1].transmission.pulleys.clear();
+  robot.effects = {ParseEffect("wrap_angle where=tendon:2 extra_rad=2", robot)};
+  const RobotParameters folded = FoldEffects(robot);
+  const std::vector<PulleyParameters>& path = folded.actuation->tendons[1].transmission.pulleys;
+  ASSERT_EQ(path.size(), 1u);
+  EXPECT_EQ(path[0].wrap_rad, 2);
+  EXPECT_GT(path[0].alpha, 0);
+  robot.effects = {ParseEffect("wrap_angle where=tendon:2 extra_rad=-1", robot)};
+  EXPECT_TRUE(FoldEffects(robot).actuation->tendons[1].transmission.pulleys.empty());
+}
+
 TEST(EffectRegistry, AValueOutOfBoundsIsRefused) {
   RobotParameters robot = Rig();
   for (const Effect& effect : Effects()) {

@@ -162,11 +162,6 @@ struct PulleyParameters {
   double entry_angle_rad = 0;  // phi_1
 };
 
-/// What guides a tendon where nothing is drawn: a polymer sheath, with the usual friction of steel in it.
-inline PulleyParameters UsualSheath(double wrap_rad) {
-  return {.law = CapstanLaw::kClassic, .wrap_rad = wrap_rad, .radius_ratio = 10, .alpha = 0.15};
-}
-
 struct TransmissionParameters {
   std::vector<PulleyParameters> pulleys;  // from the base (low-tension side under pull) towards the motor
   double presliding_m = 0;                // sliding displacement over which friction builds up

@@ -8,6 +8,7 @@
 
 #include "tendril/core/cycle.h"
 #include "tendril/io/client.h"
+#include "tendril/io/signature.h"
 
 namespace tendril::io {
 

@@ -35,7 +35,8 @@ double CapstanRatio(const PulleyParameters& pulley, double base_tension_N, bool 
                     double low_tension_N = 0);
 
 /// ln of the motor-side over the base tension while the motor pulls, to first order in the friction:
-/// sum of alpha wrap T^(n-1) over the pulleys. Smooth in all their numbers.
+/// the sum of alpha wrap over the pulleys of the classic law, of alpha rho / (1 + rho) wrap T^(n-1) over the
+/// others. Smooth in all their numbers, and without a solver.
 double CapstanLogRatio(std::span<const PulleyParameters> pulleys, double base_tension_N);
 
 /// Largest tension the solver and the table accept.

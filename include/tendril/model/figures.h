@@ -11,7 +11,7 @@ namespace tendril::model {
 
 struct SectionFigures {
   double bending_stiffness_Nm2 = 0;  // E I of the backbone
-  double stiffness_Nm = 0;           // of the section as a whole, E I / L: moment per bending angle [N·m/rad]
+  double stiffness_Nm = 0;  // of the section as a whole, E I / L: moment per bending angle [N·m/rad]
   /// The largest tension that a bend of limits.max_bending_rad takes of any tendon, in the worst of the
   /// directions in which the section's tendons pull, the other sections straight, at rest, under the robot's
   /// own gravity: at the base, and at the motor, past friction that opposes the pull. None where tendons

@@ -17,8 +17,8 @@ class HeldStatics {
   /// `stiffness_Npm` of each tendon, M entries, and `width_m` are above 0. The body is referred to.
   HeldStatics(const Body& body, ConstVectorRef stiffness_Npm, double width_m);
 
-  /// From now on, M entries: above 0 where friction holds a tendon back that is pulled, below where it holds
-  /// one that is paid out. 0 at first.
+  /// ln of each tendon's tension at its spool over that at the base, M entries, from now on: above 0 where
+  /// the tendon was pulled last, below where it was paid out. 0 at first.
   void SetLoss(ConstVectorRef loss);
 
   /// Newton with a line search from q, dof entries, to the equilibrium at a pull of M entries; false where it

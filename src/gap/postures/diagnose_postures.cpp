@@ -58,6 +58,7 @@ class Diagnosing {
     ListCauses();
     Decide();
     Closures();
+    Overlays();
     Limits();
     const std::string preface = posterior_.not_learned ? NotLearnedText()
                                 : d_.suspected.empty() ? Preface(d_)
@@ -267,6 +268,44 @@ class Diagnosing {
                              .floor_rms = ChannelRms(learned_.held_out_m, c) / before_.PerUnit(c),
                              .closed = std::nullopt,
                              .as_filed_rms = ChannelRms(search_.as_filed_m, c) / before_.PerUnit(c)});
+    }
+  }
+
+  /// Each channel in the run after in which the robot from before misses it most.
+  void Overlays() {
+    const bool with_change =
+        d_.verdict != Verdict::kNoGap && !search_.fits.empty() && search_.fits.front().held_out_m.size() > 0;
+    for (Eigen::Index c = 0; c < search_.before_m.cols(); ++c) {
+      const auto missed = [&](const StateRange& rows) {
+        return search_.before_m.col(c).segment(rows.first, rows.count).squaredNorm() /
+               static_cast<double>(rows.count);
+      };
+      StateRange rows;
+      const States* worst = nullptr;
+      Eigen::Index first = 0;
+      for (const States& run : after_.runs) {
+        const StateRange its{first, run.time_s.size()};
+        if (worst == nullptr || missed(its) > missed(rows)) worst = &run, rows = its;
+        first += its.count;
+      }
+      const auto list = [&](const Eigen::VectorXd& values) {
+        const Eigen::VectorXd in_unit = values / before_.PerUnit(c);
+        return std::vector<double>(in_unit.begin(), in_unit.end());
+      };
+      const auto modelled = [&](const Eigen::MatrixXd& residuals_m) {
+        return list(worst->seen_m.col(c) - residuals_m.col(c).segment(rows.first, rows.count));
+      };
+      Overlay overlay;
+      overlay.run = worst->run;
+      overlay.channel = before_.ChannelName(c);
+      overlay.unit = before_.UnitOf(c);
+      overlay.cut = sim::Cut::kShape;
+      overlay.floor = ChannelRms(learned_.held_out_m, c) / before_.PerUnit(c);
+      overlay.time_s = {worst->time_s.begin(), worst->time_s.end()};
+      overlay.measured = list(worst->seen_m.col(c));
+      overlay.before = modelled(search_.before_m);
+      if (with_change) overlay.after = modelled(search_.fits.front().held_out_m);
+      d_.overlays.push_back(std::move(overlay));
     }
   }
 

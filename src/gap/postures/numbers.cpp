@@ -20,9 +20,10 @@ constexpr double kRestBend_rad = 0.15;  // of a section without load
 constexpr double kTilt_rad = 0.05;      // of the base
 constexpr double kAnyWay_rad = 1.5;     // of a base whose mount is unknown
 constexpr double kLag_s = 0.1;
-// Of a sheath that no file draws: its wrap, which takes a tenth of the tension, and the pull in which
-// friction turns round, mostly by the tendon's stretch.
-constexpr double kSheath_rad = 0.7, kSheathPresliding_m = 3e-4;
+const Uncertainty kUnknown{Uncertainty::Kind::kUnknown, 0};
+// Of a polymer sheath with a steel tendon: friction coefficient, wrap, by which it takes a tenth of the
+// tension, and the pull in which friction turns round, mostly by the tendon's stretch.
+constexpr double kSheathAlpha = 0.15, kSheath_rad = 0.7, kSheathPresliding_m = 3e-4;
 constexpr double kPlaced = 0.01,
                  kPlaced_rad = 0.02;  // of a tracker placed with care: of the length, and turned
 constexpr double kGuessed = 0.5, kGuessed_rad = 0.5;  // of one whose frame was read from the data
@@ -155,33 +156,15 @@ class Listing {
 
   /// The friction coefficients of all that a tendon passes, as one.
   void OfPath(std::size_t tendon) {
-    const bool drawn = !robot_.actuation->tendons[tendon].transmission.pulleys.empty();
-    const char* word = "transmission.pulleys[1].alpha";
+    const std::string word = "transmission.pulleys[1].alpha";
     const std::string own = fmt::format("actuation.per_tendon.{}.{}", tendon + 1, word);
-    const Uncertainty known = drawn ? Known({own, fmt::format("actuation.{}", word)}) : UsualUncertainty(own);
-    const auto pulleys = [tendon](RobotParameters& robot) -> std::vector<PulleyParameters>& {
-      return robot.actuation->tendons[tendon].transmission.pulleys;
-    };
-    RobotParameters copy = WithSheaths(robot_);
-    const auto deviation = DeviationOf(pulleys(copy).front().alpha, false, known);
-    if (!deviation || pulleys(copy).front().alpha == 0) return;
-    all_.push_back({.key = drawn
-                               ? own
-                               : fmt::format("friction coefficient of tendon {}'s sheath, against the others",
-                                             tendon + 1),
-                    .unit = "",
-                    .deviation = *deviation,
-                    .apply =
-                        [pulleys](PostureRobot& robot, double change) {
-                          for (PulleyParameters& pulley : pulleys(robot.robot))
-                            pulley.alpha *= std::exp(change);
-                        },
-                    .value =
-                        [pulleys](RobotParameters robot) {
-                          RobotParameters its = WithSheaths(std::move(robot));
-                          return pulleys(its).front().alpha;
-                        },
-                    .assumed = !drawn});
+    const bool drawn = !robot_.actuation->tendons[tendon].transmission.pulleys.empty();
+    const std::string of_sheath =
+        fmt::format("friction coefficient of tendon {}'s sheath, against the others", tendon + 1);
+    AddFactor(drawn ? own : of_sheath, "", drawn ? Known({own, "actuation." + word}) : UsualUncertainty(own),
+              !drawn, [tendon](RobotParameters& robot) {
+                return Frictions(robot.actuation->tendons[tendon].transmission);
+              });
   }
 
   /// What the tendons' paths have in common: sheaths of one robot are alike.
@@ -189,36 +172,45 @@ class Listing {
     const auto& tendons = robot_.actuation->tendons;
     const bool drawn = std::none_of(tendons.begin(), tendons.end(),
                                     [](const auto& drive) { return drive.transmission.pulleys.empty(); });
-    const Uncertainty unknown{Uncertainty::Kind::kUnknown, 0};
     if (!drawn) {
-      OfAllPaths("friction coefficient of the sheaths", "", unknown, true, [](TransmissionParameters& t) {
+      AddFactor("friction coefficient of the sheaths", "", kUnknown, true, [](RobotParameters& robot) {
         std::vector<double*> all;
-        for (PulleyParameters& pulley : t.pulleys) all.push_back(&pulley.alpha);
+        for (TendonDriveParameters& drive : robot.actuation->tendons)
+          for (double* alpha : Frictions(drive.transmission)) all.push_back(alpha);
         return all;
       });
     }
-    const char* key = "actuation.transmission.presliding_m";
-    OfAllPaths(drawn ? key : "pull in which the friction of the sheaths turns round", "m",
-               drawn ? Known({key}) : unknown, !drawn,
-               [](TransmissionParameters& t) { return std::vector<double*>{&t.presliding_m}; });
+    const std::string key = "actuation.transmission.presliding_m";
+    AddFactor(drawn ? key : "pull in which the friction of the sheaths turns round", "m",
+              drawn ? Known({key}) : kUnknown, !drawn, [](RobotParameters& robot) {
+                std::vector<double*> all;
+                for (TendonDriveParameters& drive : robot.actuation->tendons)
+                  all.push_back(&drive.transmission.presliding_m);
+                return all;
+              });
   }
 
-  /// One factor for a number of all tendons' paths.
-  void OfAllPaths(std::string key, const char* unit, const Uncertainty& known, bool assumed,
-                  std::vector<double*> (*of)(TransmissionParameters&)) {
+  static std::vector<double*> Frictions(TransmissionParameters& path) {
+    std::vector<double*> all;
+    for (PulleyParameters& pulley : path.pulleys) all.push_back(&pulley.alpha);
+    return all;
+  }
+
+  /// One factor for several numbers of a robot with sheaths; the value is that of the first.
+  void AddFactor(std::string key, const char* unit, const Uncertainty& known, bool assumed,
+                 std::function<std::vector<double*>(RobotParameters&)> of) {
     const auto value = [of](RobotParameters robot) {
       RobotParameters its = WithSheaths(std::move(robot));
-      return *of(its.actuation->tendons.front().transmission).front();
+      return *of(its).front();
     };
     const auto deviation = DeviationOf(value(robot_), false, known);
-    if (!deviation) return;
+    if (!deviation || value(robot_) == 0) return;
     all_.push_back({.key = std::move(key),
                     .unit = unit,
                     .deviation = *deviation,
                     .apply =
                         [of](PostureRobot& robot, double change) {
-                          for (TendonDriveParameters& drive : robot.robot.actuation->tendons)
-                            for (double* number : of(drive.transmission)) *number *= std::exp(change);
+                          for (double* number : of(robot.robot)) *number *= std::exp(change);
                         },
                     .value = value,
                     .assumed = assumed});
@@ -251,13 +243,6 @@ class Listing {
             });
       }
     }
-    all_.push_back(
-        {.key = "pull over which tendons go slack",
-         .unit = "m",
-         .deviation = *DeviationOf(1, false, {Uncertainty::Kind::kUnknown, 0}),
-         .apply = [](PostureRobot& robot, double change) { robot.slack_width_m *= std::exp(change); },
-         .value = [](RobotParameters robot) { return UsualSlackWidth(robot); },
-         .assumed = true});
     Add("lag behind the motors' readings", "s", 1, kLag_s,
         [](PostureRobot& robot, double change) { robot.motor_lag_s += change; });
   }
@@ -273,7 +258,8 @@ class Listing {
 RobotParameters WithSheaths(RobotParameters robot) {
   for (TendonDriveParameters& drive : robot.actuation->tendons) {
     if (!drive.transmission.pulleys.empty()) continue;
-    drive.transmission.pulleys = {UsualSheath(kSheath_rad)};
+    drive.transmission.pulleys = {
+        {.law = CapstanLaw::kClassic, .wrap_rad = kSheath_rad, .alpha = kSheathAlpha}};
     drive.transmission.presliding_m = kSheathPresliding_m;
   }
   return robot;

@@ -18,7 +18,9 @@ namespace tendril::gap {
 namespace {
 
 constexpr double kStep = 1e-4;  // of a number: exponents, radians, or metres over a length
-constexpr int kPieces = 8;      // of the states, each solved in one piece
+// Pull over which a tendon goes slack, of its distance from the backbone in the file.
+constexpr double kSlackWidth = 0.01;
+constexpr int kPieces = 8;  // of the states, each solved in one piece
 
 /// A robot ready to be solved.
 class Solver {
@@ -209,18 +211,13 @@ class Predicting {
 
 }  // namespace
 
-double UsualSlackWidth(const RobotParameters& robot) {
-  constexpr double kOfHole = 0.01;
-  return kOfHole * robot.body.largest_hole_m();
-}
-
 PostureRobot PostureRobot::Of(const RobotParameters& robot) {
   PostureRobot out;
   const sim::TrackerPlacement tracker = sim::PlacementOfTracker(robot);
   out.turn_rad = RotationVector(tracker.R);
   out.shift_m = tracker.offset_m;
   out.robot = sim::FoldEffects(robot);
-  out.slack_width_m = UsualSlackWidth(robot);
+  out.slack_width_m = kSlackWidth * robot.body.largest_hole_m();
   const auto& tendons = out.robot.actuation->tendons;
   out.zero_m.resize(static_cast<Eigen::Index>(tendons.size()));
   for (std::size_t j = 0; j < tendons.size(); ++j) {

@@ -14,15 +14,12 @@
 
 namespace tendril::gap {
 
-/// Pull over which a tendon goes slack [m]: as it begins to hang, some of its stretch is left.
-double UsualSlackWidth(const RobotParameters& robot);
-
 /// A robot, and what its file does not hold.
 struct PostureRobot {
   RobotParameters robot;
-  Eigen::VectorXd zero_m;  // M: pull of each tendon while its motor reads 0
-  double slack_width_m = 0;
-  double motor_lag_s = 0;  // the body follows the motors' readings by this
+  Eigen::VectorXd zero_m;    // M: pull of each tendon while its motor reads 0
+  double slack_width_m = 0;  // pull over which a tendon goes slack
+  double motor_lag_s = 0;    // the body follows the motors' readings by this
   // The tracker sees a point p of the base frame at R(turn) p + shift.
   Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero(), shift_m = Eigen::Vector3d::Zero();
   /// By disk: a sensor of its orientation is turned by this in the disk's axes; not turned where there is

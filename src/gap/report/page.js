@@ -212,8 +212,10 @@ const section = (id, title, short, caption, build) => {
   nav.append(el('a', {href: '#' + id}, short));
 };
 
+// What the runs are compared with: where the robot was learned from runs before, that one.
+const nominal = Object.values((report.closed || {}).channels || {}).some(c => c.as_filed != null) ? 'robot from before' : 'nominal simulation';
 const strokeSample = {
-  measured: ['measured', 'line measured'], before: ['nominal simulation', 'line before'], 'before-solid': ['nominal simulation', 'line before solid'], after: [`simulation with ${report.accepted.length ? 'the cause' : 'the best model'}`, 'line after'],
+  measured: ['measured', 'line measured'], before: [nominal, 'line before'], 'before-solid': [nominal, 'line before solid'], after: [`simulation with ${report.accepted.length ? 'the cause' : 'the best model'}`, 'line after'],
 };
 const legend = (...names) => el('div', {class: 'legend'}, names.map(name => {
   const svg = d3.create('svg').attr('width', 26).attr('height', 12);
@@ -231,7 +233,7 @@ const legend = (...names) => el('div', {class: 'legend'}, names.map(name => {
     text = '95 % band';
     svg.append('rect').attr('class', 'before-band').attr('width', 26).attr('height', 12);
   } else {
-    const fills = {'bar-before': ['before: nominal simulation', 'fill-before'], 'bar-after': [`after: with ${report.accepted.length ? 'the cause' : 'the best model'}`, 'fill-after'],
+    const fills = {'bar-before': [`before: ${nominal}`, 'fill-before'], 'bar-after': [`after: with ${report.accepted.length ? 'the cause' : 'the best model'}`, 'fill-after'],
                    'bar-ceiling': ['refit of all file numbers', 'fill-ceiling']};
     text = fills[name][0];
     svg.attr('width', 12).append('rect').attr('class', fills[name][1]).attr('width', 12).attr('height', 12).attr('rx', 2);
@@ -501,7 +503,7 @@ const closing = s => {
     chart(card, 'Share of the gap that closes', (svg, width) => {
       const left = 122, right = 20, w = width - left - right, grew = pooled.value < 0, x = d3.scaleLinear([0, Math.max(1, 1 - pooled.value)], [0, w]), bar = 24, step = 36;
       const g = svg.append('g').attr('transform', `translate(${left},6)`);
-      const rows = [['before', 'gap in the nominal simulation', 0, 1, 'fill-before']];
+      const rows = [['before', `gap of the ${nominal}`, 0, 1, 'fill-before']];
       rows.push(grew ? ['grew', 'the gap grew', 1, 1 - pooled.value, 'fill-before'] : ['closed', `closed by ${report.accepted.map(causeText).join(' and ') || 'the best model of the library'}`, 1 - pooled.value, 1, 'fill-after']);
       rows.push(['left', 'left over', 0, Math.max(0, 1 - pooled.value), 'fill-before']);
       rows.forEach(([key, text, from, to, kind], i) => {
@@ -530,7 +532,7 @@ const closing = s => {
       return height;
     }, () => [['share', 'value', 'low', 'high'], ['closed', pooled.value, ...(pooled.ci || [])],
       ...(ceiling && ceiling.value !== null ? [['closed by a refit of all file numbers', ceiling.value, ...(ceiling.ci || [])]] : [])]);
-    card.append(el('p', {class: 'note'}, 'Mean square of the residual over the channels that have a gap: 0 % is the noise floor, 100 % the nominal simulation.'));
+    card.append(el('p', {class: 'note'}, `Mean square of the residual over the channels that have a gap: 0 % is the noise floor, 100 % the ${nominal}.`));
     if (report.order_effects.length) {
       card.append(el('h3', {}, 'Each cause by itself, and after the other'));
       chart(card, 'Closed by each cause in both orders', (svg, width) => {
@@ -675,12 +677,12 @@ const overlays = s => {
       .on('mousemove.read', function () {
         const i = Math.min(t.length - 1, d3.bisectLeft(t, x.invert(d3.mouse(this)[0])));
         cross.style('display', null).attr('transform', `translate(${left + x(t[i])},${top})`);
-        showTip(d3.event, [`${digits(t[i], 4)} s`, `measured ${show(o.measured[i], o.unit)}`, `nominal ${show(o.before[i], o.unit)}`, o.after.length ? `with the cause ${show(o.after[i], o.unit)}` : '', `floor ± ${show(o.floor, o.unit)}`].filter(Boolean).join('\n'));
+        showTip(d3.event, [`${digits(t[i], 4)} s`, `measured ${show(o.measured[i], o.unit)}`, `${nominal} ${show(o.before[i], o.unit)}`, o.after.length ? `with the cause ${show(o.after[i], o.unit)}` : '', `floor ± ${show(o.floor, o.unit)}`].filter(Boolean).join('\n'));
       })
       .on('mouseleave.read', () => { cross.style('display', 'none'); hideTip(); });
     reset.hidden = domain === null;
     return top + h + gap + h2 + 40;
-  }, () => columnRows(['time', 's', current.time_s], ['measured', current.unit, current.measured], ['nominal simulation', current.unit, current.before], ['simulation with the cause', current.unit, current.after]));
+  }, () => columnRows(['time', 's', current.time_s], ['measured', current.unit, current.measured], [nominal, current.unit, current.before], ['simulation with the cause', current.unit, current.after]));
   runSelect.addEventListener('change', () => { domain = null; fillChannels(); paint(); });
   channelSelect.addEventListener('change', () => { domain = null; current = shown[+channelSelect.value]; paint(); });
   fillChannels();
@@ -751,7 +753,7 @@ const loops = s => {
       g.append('path').attr('class', 'line before solid').attr('d', path(x, y)(zip(x0, before)));
       if (after.length) g.append('path').attr('class', 'line after').attr('d', path(x, y)(zip(x0, after)));
       return top + h + 38;
-    }, () => columnRows([o.against, o.against_unit, o.x], ['measured', o.unit, o.measured], ['nominal simulation', o.unit, o.before], ['simulation with the cause', o.unit, o.after]));
+    }, () => columnRows([o.against, o.against_unit, o.x], ['measured', o.unit, o.measured], [nominal, o.unit, o.before], ['simulation with the cause', o.unit, o.after]));
   });
 };
 
@@ -934,7 +936,7 @@ try { facts(); } catch (error) { problems.push(`facts: ${error.message}`); conso
 section('where', 'Where the gap lies', 'Where', 'Each box feeds what was measured before it into the model of one part of the robot and compares what comes out with what was measured after it; colour shows how far the difference exceeds the noise.', chain);
 section('cause', 'Which effect causes it', 'Cause', 'Each bar is the probability of one explanation, judged on held-out runs, which were not used to find it; “no gap” and “unknown” compete with the rest.', causes);
 section('closed', 'How far the gap shrinks', 'Closed', 'The difference between robot and simulation before and after the cause is put into the simulator, on held-out runs; dotted lines mark the noise floor, below which nothing can be gained.', closing);
-section('runs', 'Held-out runs, measured and simulated', 'Runs', 'The robot against the nominal simulation and the corrected one over time; below, the error of each. A good result stays within the grey band.', overlays);
+section('runs', 'Held-out runs, measured and simulated', 'Runs', `The robot against the ${nominal} and the corrected one over time; below, the error of each. A good result stays within the grey band.`, overlays);
 section('conditions', 'When the difference appears', 'Conditions', 'The mean difference (measured less simulated) against one condition at a time: a step at zero speed hints at friction, a slope at a wrong scale, a bow at a wrong law.', maps);
 section('loops', 'Hysteresis loops', 'Loops', 'The same runs as loops: width is energy lost to friction, tilt is stiffness, a flat stretch at the turns is play. The simulation should trace the measured loop.', loops);
 section('growth', 'What remains, and how errors grow', 'Left over', 'How fast the simulation drifts from the robot once it runs freely, and whether what remains still follows the inputs.', growth);
