@@ -102,6 +102,8 @@ class Calibrating {
       found_.notes.push_back(
           "the file draws no pulleys: friction was learned as that of sheaths, and is not in the new file");
     }
+    if (std::string drift = ClockDriftText(learned_); !drift.empty())
+      found_.notes.push_back(std::move(drift));
     for (std::string& line : postures_.Lost()) found_.notes.push_back(std::move(line));
     if (learned_.unsolved > 0)
       found_.notes.push_back(

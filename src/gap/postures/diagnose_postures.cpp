@@ -328,6 +328,8 @@ class Diagnosing {
         "fitted to: the floor",
         PointsText([&](int p) { return learned_.Floor(p); })));
     d_.degradations.push_back("its numbers furthest from the file: " + NumbersMoved());
+    if (std::string drift = ClockDriftText(learned_); !drift.empty())
+      d_.degradations.push_back(std::move(drift));
     for (const Postures* postures : {&before_, &after_}) {
       for (std::string& line : postures->Lost()) d_.degradations.push_back(std::move(line));
     }

@@ -274,6 +274,21 @@ double ChannelRms(const Eigen::MatrixXd& residuals_m, Eigen::Index channel) {
   return std::sqrt(residuals_m.col(channel).squaredNorm() / static_cast<double>(residuals_m.rows()));
 }
 
+std::string ClockDriftText(const LearnedPostures& learned) {
+  constexpr double kDeviations = 3;
+  const auto drift = std::find_if(learned.numbers.begin(), learned.numbers.end(),
+                                  [](const PostureNumber& n) { return n.key == kClockDrift; });
+  if (drift == learned.numbers.end()) return "";
+  const auto i = drift - learned.numbers.begin();
+  const double value = learned.x[i];
+  const double deviation =
+      std::sqrt(learned.precision.ldlt().solve(Eigen::VectorXd::Unit(learned.x.size(), i))[i]);
+  if (std::abs(value) < kDeviations * deviation) return "";
+  return fmt::format(
+      "the tracker's clock {} {:.2g} ms a second against the motors' (standard deviation {:.1g}): taken out",
+      value > 0 ? "gains" : "loses", 1e3 * std::abs(value), 1e3 * deviation);
+}
+
 LearnedPostures LearnPostures(const RobotParameters& file, const Postures& postures, bool frame_is_known,
                               const LearnPosturesOptions& options) {
   return Learning(file, postures, frame_is_known, options).Result();

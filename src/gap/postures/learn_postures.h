@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <string>
 #include <vector>
 
 #include "numbers.h"
@@ -59,6 +60,10 @@ struct LearnedPostures {
 double PointRms(const Eigen::MatrixXd& residuals_m, int point);
 /// Of one channel, rms of the same.
 double ChannelRms(const Eigen::MatrixXd& residuals_m, Eigen::Index channel);
+
+/// What was learned of a tracker's clock that drifts against the motors', as a line; empty where it does not
+/// by more than three standard deviations.
+std::string ClockDriftText(const LearnedPostures& learned);
 
 struct LearnPosturesOptions {
   int threads = 1;

@@ -20,10 +20,12 @@ constexpr double kRestBend_rad = 0.15;  // of a section without load
 constexpr double kTilt_rad = 0.05;      // of the base
 constexpr double kAnyWay_rad = 1.5;     // of a base whose mount is unknown
 constexpr double kLag_s = 0.1;
+constexpr double kDrift = 1e-3;  // of a camera: 29.97 frames a second are often written 30
 const Uncertainty kUnknown{Uncertainty::Kind::kUnknown, 0};
 // Of a polymer sheath with a steel tendon: friction coefficient, wrap, by which it takes a tenth of the
 // tension, and the pull in which friction turns round, mostly by the tendon's stretch.
 constexpr double kSheathAlpha = 0.15, kSheath_rad = 0.7, kSheathPresliding_m = 3e-4;
+constexpr double kSheathAlphaWithin = 2;  // of the coefficient: from none to that of a winding sheath
 constexpr double kPlaced = 0.01,
                  kPlaced_rad = 0.02;  // of a tracker placed with care: of the length, and turned
 constexpr double kGuessed = 0.5, kGuessed_rad = 0.5;  // of one whose frame was read from the data
@@ -39,7 +41,8 @@ class Listing {
     for (std::size_t k = 0; k < robot_.body.sections.size(); ++k) {
       for (std::size_t j = 0; j < robot_.body.sections[k].tendons.size(); ++j) OfTendon(k, j, tendon++);
     }
-    OfPaths();
+    OfSheaths();
+    OfPresliding();
     OfMount();
     return std::move(all_);
   }
@@ -167,19 +170,38 @@ class Listing {
               });
   }
 
-  /// What the tendons' paths have in common: sheaths of one robot are alike.
-  void OfPaths() {
+  /// Sheaths of one robot are alike. Not a factor, since a path may well have no friction; with each tendon's
+  /// own factor in any order.
+  void OfSheaths() {
+    std::vector<std::size_t> bare;
+    for (std::size_t j = 0; j < robot_.actuation->tendons.size(); ++j)
+      if (robot_.actuation->tendons[j].transmission.pulleys.empty()) bare.push_back(j);
+    if (bare.empty()) return;
+    const auto alphas = [](RobotParameters& robot, std::size_t tendon) {
+      return Frictions(robot.actuation->tendons[tendon].transmission);  // none where it has no sheaths
+    };
+    all_.push_back({.key = "friction coefficient of the sheaths",
+                    .unit = "",
+                    .deviation = kSheathAlphaWithin,
+                    .additive = true,
+                    .per_change = kSheathAlpha,
+                    .apply =
+                        [bare, alphas](PostureRobot& robot, double change) {
+                          for (const std::size_t j : bare)
+                            for (double* alpha : alphas(robot.robot, j)) *alpha *= 1 + change;
+                        },
+                    .value =
+                        [first = bare.front(), alphas](RobotParameters robot) {
+                          RobotParameters its = WithSheaths(std::move(robot));
+                          return *alphas(its, first).front();
+                        },
+                    .assumed = true});
+  }
+
+  void OfPresliding() {
     const auto& tendons = robot_.actuation->tendons;
     const bool drawn = std::none_of(tendons.begin(), tendons.end(),
                                     [](const auto& drive) { return drive.transmission.pulleys.empty(); });
-    if (!drawn) {
-      AddFactor("friction coefficient of the sheaths", "", kUnknown, true, [](RobotParameters& robot) {
-        std::vector<double*> all;
-        for (TendonDriveParameters& drive : robot.actuation->tendons)
-          for (double* alpha : Frictions(drive.transmission)) all.push_back(alpha);
-        return all;
-      });
-    }
     const std::string key = "actuation.transmission.presliding_m";
     AddFactor(drawn ? key : "pull in which the friction of the sheaths turns round", "m",
               drawn ? Known({key}) : kUnknown, !drawn, [](RobotParameters& robot) {
@@ -245,6 +267,8 @@ class Listing {
     }
     Add("lag behind the motors' readings", "s", 1, kLag_s,
         [](PostureRobot& robot, double change) { robot.motor_lag_s += change; });
+    Add(kClockDrift, "s/s", 1, kDrift,
+        [](PostureRobot& robot, double change) { robot.clock_drift += change; });
   }
 
   const RobotParameters& robot_;

@@ -10,6 +10,9 @@
 
 namespace tendril::gap {
 
+/// Key of the number PostureRobot::clock_drift.
+inline constexpr const char* kClockDrift = "gain of the tracker's clock on the motors'";
+
 struct PostureNumber {
   std::string key;   // "body.sections[1].youngs_modulus_Pa"; in plain words where the file does not hold it
   std::string unit;  // "Pa"

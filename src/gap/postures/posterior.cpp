@@ -40,7 +40,7 @@ class Weighing {
     // No hypothesis is certain.
     const double shown = gap >= 0.5 ? gap : kUnseen + (1 - 2 * kUnseen) * gap;
     for (double& its : p_.fits) its *= (1 - kLapse) * (gap > 0 ? shown / gap : 0);
-    p_.none = 1 - shown;
+    p_.none = std::max(0.0, 1 - shown);
     if (!search_.fits.empty() && gap >= 0.5) CheckBest();
     if (p_.not_learned) Distrust();
     p_.unlisted = 1 - p_.none - std::accumulate(p_.fits.begin(), p_.fits.end(), 0.0);

@@ -7,7 +7,7 @@
 #include <stdexcept>
 
 #include "../rotation.h"
-#include "sliding.h"
+#include "motor_path.h"
 #include "tendril/core/parallel.h"
 #include "tendril/model/body.h"
 #include "tendril/model/capstan.h"
@@ -25,7 +25,8 @@ constexpr int kPieces = 8;  // of the states, each solved in one piece
 /// A robot ready to be solved.
 class Solver {
  public:
-  /// `like`: another robot in the same states, whose tendons may have slid as these; nullptr: none.
+  /// `like`: another robot in the same states, whose motors and tendons may have moved as these; nullptr:
+  /// none.
   Solver(PostureRobot robot, const Postures& postures, const Solver* like)
       : robot_(std::move(robot)),
         body_(robot_.robot.body),
@@ -41,11 +42,17 @@ class Solver {
       presliding_[j] = drive.transmission.presliding_m;
       loss_[j] = model::CapstanLogRatio(drive.transmission.pulleys, robot_.robot.limits.min_tension_N);
     }
-    const bool same = like != nullptr && like->travel_ == travel_ && like->presliding_ == presliding_;
+    const bool same_path = like != nullptr && like->travel_ == travel_ && like->presliding_ == presliding_;
+    const bool same_time = like != nullptr && like->robot_.motor_lag_s == robot_.motor_lag_s &&
+                           like->robot_.clock_drift == robot_.clock_drift;
+    const auto shared = [](Eigen::MatrixXd values) {
+      return std::make_shared<const Eigen::MatrixXd>(std::move(values));
+    };
     for (std::size_t r = 0; r < postures.runs.size(); ++r) {
-      sliding_.push_back(
-          same ? like->sliding_[r]
-               : std::make_shared<const Eigen::MatrixXd>(SlidingOf(postures.runs[r], travel_, presliding_)));
+      const States& run = postures.runs[r];
+      sliding_.push_back(same_path ? like->sliding_[r] : shared(SlidingOf(run, travel_, presliding_)));
+      angle_.push_back(same_time ? like->angle_[r]
+                                 : shared(AnglesBefore(run, robot_.motor_lag_s, robot_.clock_drift)));
     }
   }
   Solver(const Solver&) = delete;
@@ -56,10 +63,8 @@ class Solver {
     return loss_.cwiseProduct(sliding_[run]->row(state).transpose());
   }
   model::HeldStatics Statics() const { return {body_, stiffness_, robot_.slack_width_m}; }
-  Eigen::VectorXd Pull(const States& run, Eigen::Index state) const {
-    const Eigen::VectorXd angle =
-        (run.motor_rad.row(state) - robot_.motor_lag_s * run.motor_radps.row(state)).transpose();
-    return travel_.cwiseProduct(angle) + robot_.zero_m;
+  Eigen::VectorXd Pull(std::size_t run, Eigen::Index state) const {
+    return travel_.cwiseProduct(angle_[run]->row(state).transpose()) + robot_.zero_m;
   }
   /// As seen in a state that has the shape q.
   Eigen::RowVectorXd Channels(const Eigen::VectorXd& q, const Postures& postures, const States& run,
@@ -96,7 +101,7 @@ class Solver {
   model::Body body_;
   Eigen::Matrix3d R_;
   Eigen::VectorXd travel_, stiffness_, presliding_, loss_;
-  std::vector<std::shared_ptr<const Eigen::MatrixXd>> sliding_;  // by run, S x M
+  std::vector<std::shared_ptr<const Eigen::MatrixXd>> sliding_, angle_;  // by run, S x M
 };
 
 /// Some consecutive states of one run.
@@ -139,9 +144,9 @@ class Predicting {
     int unsolved = 0;
     const States& run = postures_.runs[piece.run];
     statics_.SetLoss(solver_.Loss(piece.run, piece.first));
-    FromStraight(solver_.Pull(run, piece.first));
+    FromStraight(solver_.Pull(piece.run, piece.first));
     for (Eigen::Index i = 0; i < piece.count; ++i) {
-      const Eigen::VectorXd pull = solver_.Pull(run, piece.first + i);
+      const Eigen::VectorXd pull = solver_.Pull(piece.run, piece.first + i);
       statics_.SetLoss(solver_.Loss(piece.run, piece.first + i));
       const Eigen::VectorXd before = q_;
       bool solved = true;
@@ -192,7 +197,7 @@ class Predicting {
     const auto& tangent = statics_.Tangent(pull, q_);
     for (std::size_t p = 0; p < moved_.size(); ++p) {
       moved_statics_[p].SetLoss(moved_[p]->Loss(of, state));
-      moved_statics_[p].Residual(moved_[p]->Pull(run, state), q_, force_);
+      moved_statics_[p].Residual(moved_[p]->Pull(of, state), q_, force_);
       const Eigen::VectorXd dq = -tangent.solve((force_ - here) / kStep);
       const Eigen::RowVectorXd directly = (Channels(*moved_[p], run, state, q_) - at) / kStep;
       out_.slopes[p].row(row) = directly + (by_q * dq).transpose();

@@ -19,7 +19,9 @@ struct PostureRobot {
   RobotParameters robot;
   Eigen::VectorXd zero_m;    // M: pull of each tendon while its motor reads 0
   double slack_width_m = 0;  // pull over which a tendon goes slack
-  double motor_lag_s = 0;    // the body follows the motors' readings by this
+  // The body in a state is that of the motors `motor_lag_s` + `clock_drift` t before, t after the run's first
+  // reading: a tracker's clock may gain on theirs.
+  double motor_lag_s = 0, clock_drift = 0;
   // The tracker sees a point p of the base frame at R(turn) p + shift.
   Eigen::Vector3d turn_rad = Eigen::Vector3d::Zero(), shift_m = Eigen::Vector3d::Zero();
   /// By disk: a sensor of its orientation is turned by this in the disk's axes; not turned where there is

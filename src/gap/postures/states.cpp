@@ -63,19 +63,6 @@ Eigen::RowVectorXd MeanOf(const Eigen::MatrixXd& values, const std::vector<Eigen
   return mean;
 }
 
-/// From the first to the last reading of these rows; 0 where there is but one.
-Eigen::RowVectorXd SpeedOf(const Run& run, Eigen::Index first, Eigen::Index count) {
-  Eigen::RowVectorXd speed = Eigen::RowVectorXd::Zero(run.motor_position_rad.cols());
-  for (Eigen::Index j = 0; j < speed.size(); ++j) {
-    const auto angle = run.motor_position_rad.col(j);
-    Eigen::Index a = first, b = first + count - 1;
-    while (a < b && !std::isfinite(angle[a])) ++a;
-    while (b > a && !std::isfinite(angle[b])) --b;
-    if (run.time_s[b] > run.time_s[a]) speed[j] = (angle[b] - angle[a]) / (run.time_s[b] - run.time_s[a]);
-  }
-  return speed;
-}
-
 /// What was not read is as it was before.
 Eigen::MatrixXd WithoutHoles(Eigen::MatrixXd readings) {
   for (Eigen::Index j = 0; j < readings.cols(); ++j) {
@@ -128,7 +115,6 @@ class Averaging {
     }
     time_.push_back(MeanOf(run_.time_s, rows)[0]);
     motor_.push_back(motor);
-    speed_.push_back(SpeedOf(run_, first, count));
     seen_.push_back(seen);
     out_.rows.push_back({first, count});
   }
@@ -152,8 +138,8 @@ class Averaging {
   void Fill() {
     out_.time_s = Eigen::Map<const Eigen::VectorXd>(time_.data(), static_cast<Eigen::Index>(time_.size()));
     out_.motor_rad = Stacked(motor_);
+    out_.path_s = run_.time_s;
     out_.path_rad = WithoutHoles(run_.motor_position_rad);
-    out_.motor_radps = Stacked(speed_);
     const Eigen::MatrixXd seen = Stacked(seen_);
     out_.seen_m = Eigen::MatrixXd::Zero(seen.rows(), 3 * (places_ + turns_));
     out_.seen_m.leftCols(3 * places_) = seen.leftCols(3 * places_);
@@ -165,7 +151,7 @@ class Averaging {
   Eigen::MatrixXd readings_;  // of the points, places first
   Eigen::Index places_ = 0, turns_ = 0;
   std::vector<double> time_;
-  std::vector<Eigen::RowVectorXd> motor_, speed_, seen_;
+  std::vector<Eigen::RowVectorXd> motor_, seen_;
   States out_;
 };
 
@@ -174,7 +160,7 @@ void Thin(States& run, int n) {
   std::vector<Eigen::Index> kept;
   for (Eigen::Index i = 0; i < run.time_s.size(); i += n) kept.push_back(i);
   run.time_s = run.time_s(kept).eval();
-  for (Eigen::MatrixXd* values : {&run.motor_rad, &run.motor_radps, &run.seen_m, &run.quaternion})
+  for (Eigen::MatrixXd* values : {&run.motor_rad, &run.seen_m, &run.quaternion})
     *values = (*values)(kept, Eigen::all).eval();
   std::vector<States::Rows> rows;
   for (const Eigen::Index i : kept) {

@@ -23,14 +23,14 @@ struct PosturePoint {
 /// S states of one run, M tendons, C channels, T points that are turns.
 struct States {
   std::string run;
-  Eigen::VectorXd time_s;       // S
-  Eigen::MatrixXd motor_rad;    // S x M
-  Eigen::MatrixXd motor_radps;  // their mean speed there
-  Eigen::MatrixXd seen_m;       // S x C, places in the tracker's frame
-  Eigen::MatrixXd quaternion;   // S x 4T: w, x, y, z, from the disk's axes to the tracker's
-  int lost = 0;                 // states left out: a motor or a disk was not read
+  Eigen::VectorXd time_s;      // S
+  Eigen::MatrixXd motor_rad;   // S x M
+  Eigen::MatrixXd seen_m;      // S x C, places in the tracker's frame
+  Eigen::MatrixXd quaternion;  // S x 4T: w, x, y, z, from the disk's axes to the tracker's
+  int lost = 0;                // states left out: a motor or a disk was not read
   // How the motors came there: all their readings, those that are missing as the ones before, and which rows
   // each state is the mean of. Empty: only the states are known.
+  Eigen::VectorXd path_s{};    // R
   Eigen::MatrixXd path_rad{};  // R x M
   struct Rows {
     Eigen::Index first = 0, count = 0;

@@ -1,4 +1,4 @@
-// In which direction each tendon slid last, from the path of its motor.
+// From the path of the motors: where they were a little before, and in which direction each tendon slid last.
 #pragma once
 
 #include <Eigen/Core>
@@ -6,6 +6,11 @@
 #include "states.h"
 
 namespace tendril::gap {
+
+/// S x M [rad]: where the motors were `lag_s` + `drift` t before each state, t after the run's first reading,
+/// interpolated between their readings. As in the state itself where it is one reading only: how they moved
+/// about it is not known.
+Eigen::MatrixXd AnglesBefore(const States& run, double lag_s, double drift);
 
 /// S x M, the mean over each state's readings: 1 where the motor has pulled the tendon by twice the
 /// pre-sliding since it turned round, -1 where it has paid it out, 0 before any motion. `travel_m`: pull of
