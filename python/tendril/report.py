@@ -122,6 +122,8 @@ class ChannelClosure:
     unit: str
     cut: str
     channel: str
+    as_filed: float | None = None
+    """`before` with the numbers of the robot file, where it has those learned from earlier runs."""
 
 
 @dataclass(frozen=True)

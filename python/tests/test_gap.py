@@ -159,6 +159,9 @@ def test_dataclasses_mirror_the_json(report):
         for key in ("tendon", "section"):
             if finding[key] is None:
                 del finding[key]
+    for channel in ours["closed"]["channels"].values():  # as is this
+        if channel["as_filed"] is None:
+            del channel["as_filed"]
     assert ours == values
 
 

@@ -16,7 +16,7 @@ from .._progress import Line
 from ..data_set import DataSet
 from ..errors import Error
 from ..report import Report
-from . import alarm, day, page, text
+from . import alarm, day, page, postures, text
 from .change import Change, changes
 from .store import Entry, Store, StoreError
 
@@ -108,7 +108,10 @@ def accept(o: argparse.Namespace) -> int:
             delta_N=o.delta_N,
             delta_m=None if o.delta_mm is None else 1e-3 * o.delta_mm,
         )
-        entry = day.measured(entry, runs, None, line)
+        if postures.shown(postures.columns(runs)):
+            entry = postures.learned(entry, runs, line)
+        else:
+            entry = day.measured(entry, runs, None, line)
     with Store(o.db, "rwc") as store:
         entry = store.add(entry)
     print(
@@ -194,7 +197,7 @@ def watch_one(store: Store, o: argparse.Namespace, accepted: Entry, paths: list[
     if known is not None:
         days = [other for other in days if (other.at, other.id) <= (known.at, known.id)]
         return report_entry(
-            o, accepted, days, changes(accepted, days, known.finding["false_alarms_per_year"])
+            o, accepted, days, changed(accepted, days, known.finding["false_alarms_per_year"])
         )
     if entry.at < accepted.at:
         raise Error(
@@ -204,18 +207,45 @@ def watch_one(store: Store, o: argparse.Namespace, accepted: Entry, paths: list[
     if entry.digest == accepted.digest:
         raise Error(f"{paths[0]}: these are the accepted runs; give those of a later day")
     days = [other for other in days if other.at <= entry.at]
+    entry = replace(entry, accepted=accepted.id)
+    enter = diagnosed if accepted.diagnosed else followed
     with Line() as line:
-        entry = replace(day.measured(entry, runs, accepted, line), accepted=accepted.id)
-        found = changes(accepted, [*days, entry], o.false_alarms)
-        # Kept before it is diagnosed: whatever happens there, the alarm is not lost.
-        entry = store.add(replace(entry, finding=day.finding(found, o.false_alarms)))
-        report = cause_of(runs, accepted, entry, line) if entry.finding["alarm"] and not o.no_cause else None
-    if report is not None:
-        store.conclude(entry)
-    status = report_entry(o, accepted, [*days, entry], found)
+        entry, report = enter(store, o, runs, accepted, days, entry, line)
+    days = [*days, entry]
+    status = report_entry(o, accepted, days, changed(accepted, days, o.false_alarms))
     if report is not None:
         save(report, os.path.join(o.out, f"{text.date(entry.at)}-{entry.digest[:12]}"))
     return status
+
+
+def followed(
+    store: Store, o: argparse.Namespace, runs: DataSet, accepted: Entry, days: list[Entry], entry: Entry, line: Line
+) -> tuple[Entry, Report | None]:
+    """The entry as kept, number by number, and the diagnosis of an alarm."""
+    entry = day.measured(entry, runs, accepted, line)
+    found = changes(accepted, [*days, entry], o.false_alarms)
+    # Kept before it is diagnosed: whatever happens there, the alarm is not lost.
+    entry = store.add(replace(entry, finding=day.finding(found, o.false_alarms)))
+    if o.no_cause or not entry.finding["alarm"]:
+        return entry, None
+    report = cause_of(runs, accepted, entry, line)
+    if report is not None:
+        store.conclude(entry)
+    return entry, report
+
+
+def diagnosed(
+    store: Store, o: argparse.Namespace, runs: DataSet, accepted: Entry, days: list[Entry], entry: Entry, line: Line
+) -> tuple[Entry, Report | None]:
+    """The same of a position-controlled robot, whose days are diagnosed in any case."""
+    entry, report = postures.diagnosed(entry, runs, accepted, o.false_alarms, line)
+    entry.finding["changes"] = [change.as_json() for change in postures.changes([*days, entry])]
+    return store.add(entry), report if entry.finding["cause"] and not o.no_cause else None
+
+
+def changed(accepted: Entry, days: list[Entry], false_alarms_per_year: float) -> list[Change]:
+    """What the last of these days shows."""
+    return postures.changes(days) if accepted.diagnosed else changes(accepted, days, false_alarms_per_year)
 
 
 def cause_of(runs: DataSet, accepted: Entry, entry: Entry, line: Line) -> Report | None:
@@ -292,7 +322,7 @@ def history(o: argparse.Namespace) -> int:
         print(text.history_json(states) if o.json else text.history_csv(states), end="\n" if o.json else "")
     for accepted, days in states:
         rate = days[-1].finding["false_alarms_per_year"] if days else FALSE_ALARMS_PER_YEAR
-        found = changes(accepted, days, rate)
+        found = changed(accepted, days, rate)
         if not (o.json or o.csv):
             print(text.history_text(accepted, days, found))
     if o.page:

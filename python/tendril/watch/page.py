@@ -12,8 +12,9 @@ from html import escape
 from .. import _core
 from ..errors import Error
 from .change import TWO_SIDED_95, Change, DAY_s
+from .postures import HELD_OUT, with_unchanged
 from .store import Entry, Key, Number
-from .text import cause_words, change_words, date, moment, sentence, shown_unit
+from .text import cause_words, change_words, date, moment, sentence, shown_unit, state
 
 MARK = "<!-- tendril gap history -->"
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 330.0, 150.0, 62.0, 8.0, 8.0, 22.0
@@ -62,16 +63,18 @@ def page(accepted: Entry, days: Sequence[Entry], changes: Sequence[Change]) -> s
     last = days[-1] if days else None
     alarm = bool(last and last.finding.get("alarm"))
     words = sentence(last, changes) if last else f"robot '{accepted.robot}': accepted, no day yet"
-    state, colour = ("changed", "insufficient_data") if alarm else ("as accepted", "no_gap")
-    if changes and not alarm:
-        state, colour = "drifting", "ambiguous_group"
+    if accepted.diagnosed:
+        accepted = with_unchanged(accepted, days)
+    badge, colour = ("changed", "insufficient_data") if alarm else ("as accepted", "no_gap")
+    if not alarm and (changes or (last and state(last) == "unsure")):
+        badge, colour = "drifting" if changes else "unsure", "ambiguous_group"
     changed = {change.key: change for change in changes}
     parts = [
         f"<!DOCTYPE html>\n{MARK}\n<html lang='en'><head><meta charset='utf-8'>",
         "<meta name='viewport' content='width=device-width, initial-scale=1'>",
         f"<meta http-equiv='Content-Security-Policy' content=\"{POLICY}\"><link rel='icon' href='data:,'>",
         f"<title>Robot {escape(accepted.robot)}, watched</title><style>{_core.report_style()}</style></head><body>",
-        f"<header class='hero'><div class='wrap'><p class='kicker'><span class='verdict {colour}'>{state}</span>",
+        f"<header class='hero'><div class='wrap'><p class='kicker'><span class='verdict {colour}'>{badge}</span>",
         f"<span>{escape(accepted.robot)}</span></p><h1>{escape(words)}</h1>{_facts(accepted, days)}</div></header>",
         "<main class='wrap'>",
         _changes(accepted, days, changes),
@@ -102,6 +105,8 @@ def _facts(accepted: Entry, days: Sequence[Entry]) -> str:
 
 
 def _changes(accepted: Entry, days: Sequence[Entry], changes: Sequence[Change]) -> str:
+    if accepted.diagnosed:
+        return _named(accepted, days, changes) + _missed(accepted, days)
     if not changes:
         return "<section><h2>What changed</h2><p class='caption'>Nothing beyond chance.</p></section>"
     cards = "".join(_card(accepted, days, change.key, change) for change in changes[:12])
@@ -112,14 +117,37 @@ def _changes(accepted: Entry, days: Sequence[Entry], changes: Sequence[Change]) 
     return f"<section><h2>What changed</h2><p class='caption'>{caption}</p><div class='grid'>{cards}</div></section>"
 
 
+def _named(accepted: Entry, days: Sequence[Entry], changes: Sequence[Change]) -> str:
+    if not changes:
+        words = "No cause is named."
+        return f"<section><h2>What changed</h2><p class='caption'>{words}</p></section>"
+    cards = "".join(_card(accepted, days, change.key, change) for change in changes)
+    caption = (
+        "What the diagnosis of the last day names. Points: a day with its 95 % interval, as if this alone had changed, "
+        "less its value where nothing has; days on which it is not among the likeliest have none."
+    )
+    return f"<section><h2>What changed</h2><p class='caption'>{caption}</p><div class='grid'>{cards}</div></section>"
+
+
+def _missed(accepted: Entry, days: Sequence[Entry]) -> str:
+    """The courses of a robot that was learned, disk by disk."""
+    cards = "".join(_card(accepted, days, key, None) for key in accepted.numbers if key.effect == HELD_OUT)
+    caption = (
+        "By how much (rms) the robot as accepted misses its disks on each day, less what it missed of the accepted "
+        "runs in states that it was not fitted to. Grey: what does not matter."
+    )
+    head = "<h2>Held-out error</h2>"
+    return f"<section>{head}<p class='caption'>{caption}</p><div class='grid'>{cards}</div></section>"
+
+
 def _entries(days: Sequence[Entry]) -> str:
     rows = ""
     for day in reversed(days):
-        finding, cause = day.finding, day.finding.get("cause")
-        count = len(finding.get("changes", []))
-        state = "alarm" if finding.get("alarm") else "drift" if count else "as accepted"
+        cause = day.finding.get("cause")
+        count = len(day.finding.get("changes", []))
         diagnosis = escape(cause_words(cause)) if cause else ""
-        rows += f"<tr><td>{moment(day.at)}</td><td>{state}</td><td class='n'>{count}</td><td>{diagnosis}</td></tr>"
+        cells = f"<td>{moment(day.at)}</td><td>{state(day)}</td><td class='n'>{count}</td><td>{diagnosis}</td>"
+        rows += f"<tr>{cells}</tr>"
     head = (
         "<tr><th>day (UTC)</th><th>state</th><th class='n'>numbers beyond chance</th><th>diagnosis</th></tr>"
     )
@@ -160,9 +188,10 @@ def _plot(accepted: Entry, days: Sequence[Entry], key: Key, change: Change | Non
     base = accepted.numbers[key]
     points = [(accepted.at, base), *((day.at, day.numbers[key]) for day in days if key in day.numbers)]
     reach = max(abs(n.value - base.value) + TWO_SIDED_95 * n.deviation for _, n in points)
-    axes = _Axes([at for at, _ in points], 1.05 * max(reach, base.material))
+    material = max(n.material for _, n in points)
+    axes = _Axes([at for at, _ in points], 1.05 * max(reach, material))
     unit, factor = shown_unit(base.unit, reach)
-    parts = [_band(axes, base.material), _ticks(axes, points, max(reach, base.material), factor, unit)]
+    parts = [_band(axes, material), _ticks(axes, points, max(reach, material), factor, unit)]
     if change is not None:
         parts.append(_fit(axes, change, points))
     parts += [_point(axes, at, number, base) for at, number in points]

@@ -57,7 +57,7 @@ class Key:
 
 @dataclass(frozen=True)
 class Number:
-    """A value with its standard deviation, and the change of it that matters."""
+    """A value with its standard deviation, and the change of it that matters; 0 where that is not known."""
 
     unit: str
     value: float
@@ -87,6 +87,8 @@ class Entry:
     """Of whoever accepted it."""
     robot_yaml: str = ""
     """Of an accepted state: its robot file."""
+    diagnosed: bool = False
+    """The robot is position-controlled: learned from the accepted runs, and every day is a diagnosis against these."""
     delta_N: float | None = None
     delta_m: float | None = None
     finding: dict[str, Any] = field(default_factory=dict)

@@ -6,6 +6,7 @@ import csv
 import datetime
 import io
 import json
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,7 @@ from .day import headline
 from .store import Entry
 
 SHOWN = 5  # changes on the terminal
+LEAST_SHOWN = 1e-9  # probability
 _MILLI = {"m": ("mm", 1e3), "kg": ("g", 1e3), "rad": ("mrad", 1e3), "s": ("ms", 1e3), "N": ("mN", 1e3)}
 
 
@@ -59,34 +61,78 @@ def cause_words(cause: dict[str, Any]) -> str:
     return (" or " if cause.get("one_of_them") else " and ").join(names) or unknown
 
 
+def state(entry: Entry) -> str:
+    """Of a day, in a word or two."""
+    if entry.finding.get("alarm"):
+        return "alarm"
+    if entry.finding.get("cause"):
+        return "unsure"
+    return "drift" if entry.finding.get("changes") else "as accepted"
+
+
 def sentence(entry: Entry, changes: Sequence[Change]) -> str:
     """The outcome of a day in one line."""
     robot = f"robot '{entry.robot}' on {date(entry.at)}"
     cause, drifting = entry.finding.get("cause"), [change for change in changes if not change.alarm]
     if not entry.finding.get("alarm"):
+        if cause:
+            return f"{robot}: not sure that anything changed; the diagnosis says: {cause_words(cause)}"
         if drifting:
             return f"{robot}: nothing that matters changed; seen to change: {change_words(drifting[0])}"
         return f"{robot}: as accepted"
     head = headline(changes, cause)
-    # Days that were entered later may explain what an alarm was entered with.
-    what = f": {change_words(head)}" if head else " when it was entered; the days entered since explain it"
+    if head:
+        what = f": {change_words(head)}"
+    elif entry.diagnosed:
+        what = f": {missed_words(entry.channels, 1)[0]}"
+    else:
+        # Days that were entered later may explain what an alarm was entered with.
+        what = " when it was entered; the days entered since explain it"
     because = f"; cause: {cause_words(cause)}" if cause else ""
     return f"{robot}: changed beyond materiality{what}{because}"
+
+
+def missed_words(channels: Sequence[dict[str, Any]], count: int) -> list[str]:
+    """'disk 3 x is missed by 5.1 mm (0.31 mm when accepted)', where it is the most times as much."""
+
+    def shown(channel: dict[str, Any], value: float) -> str:
+        unit, factor = shown_unit(channel["unit"], value)
+        return f"{factor * value:.3g} {unit}"
+
+    worst = sorted(channels, key=lambda c: c["floor"] / c["rms"] if c["rms"] > 0 else math.inf)
+    return [
+        f"{c['name']} is missed by {shown(c, c['rms'])} ({shown(c, c['floor'])} when accepted)"
+        for c in worst[:count]
+    ]
+
+
+def _evidence(entry: Entry, changes: Sequence[Change]) -> list[str]:
+    """What an alarm, or a suspicion, rests on."""
+    if entry.diagnosed:
+        if not entry.finding.get("cause"):
+            return []
+        p = entry.finding["unchanged"]
+        lines = [f"  probability that nothing changed: {f'{p:.2g}' if p > LEAST_SHOWN else f'below {LEAST_SHOWN}'}"]
+        listed = [*map(change_words, changes[:SHOWN]), *missed_words(entry.channels, SHOWN)]
+        more = len(entry.channels) + len(changes) - len(listed)
+    else:
+        listed = [f"{change_words(change)}, z {change.z:+.1f}" for change in changes[:SHOWN]]
+        more = len(changes) - len(listed)
+        head = "  beyond chance (|z| > {:.1f}), each as if it alone had changed:"
+        lines = [head.format(change.threshold) for change in changes[:1]]
+    lines += [f"    {words}" for words in listed]
+    return [*lines, f"    and {more} more; tendril gap history --json has all"] if more > 0 else lines
 
 
 def day_text(entry: Entry, accepted: Entry, changes: Sequence[Change]) -> str:
     """What `tendril gap watch` prints of a day."""
     lines = [("ALARM: " if entry.finding.get("alarm") else "") + sentence(entry, changes)]
-    if changes:
-        lines.append(f"  beyond chance (|z| > {changes[0].threshold:.1f}), each as if it alone had changed:")
-    lines += [f"    {change_words(change)}, z {change.z:+.1f}" for change in changes[:SHOWN]]
-    if len(changes) > SHOWN:
-        lines.append(f"    and {len(changes) - SHOWN} more; tendril gap history --json has all")
+    lines += _evidence(entry, changes)
     if cause := entry.finding.get("cause"):
         lines.append(f"  diagnosis: {cause['sentence']}")
         if cause["remark"]:
             lines.append(f"  {cause['remark']}")
-    if entry.families != accepted.families:
+    if entry.families != accepted.families and not entry.diagnosed:
         lines.append(
             f"  other kinds of motion than accepted ({', '.join(accepted.families)}): errors of the model do not cancel"
         )
@@ -100,10 +146,9 @@ def history_text(accepted: Entry, days: Sequence[Entry], changes: Sequence[Chang
         f"robot '{accepted.robot}', accepted as of {moment(accepted.at)} UTC, {len(accepted.numbers)} numbers{note}"
     ]
     for day in days:
-        count = len(day.finding.get("changes", []))
-        state = "ALARM" if day.finding.get("alarm") else "drift" if count else "as accepted"
+        words = state(day).replace("alarm", "ALARM")
         cause = day.finding.get("cause")
-        lines.append(f"  {moment(day.at)}  {state:<12}{cause_words(cause) if cause else ''}".rstrip())
+        lines.append(f"  {moment(day.at)}  {words:<12}{cause_words(cause) if cause else ''}".rstrip())
     if not days:
         lines.append("  no day yet: tendril gap watch enters one")
     lines += [f"  {change_words(change)}, z {change.z:+.1f}" for change in changes[:SHOWN]]
