@@ -25,6 +25,8 @@ runs:
   - {{family: triangle, duration_s: 8, amplitude_rad: {0}}}
 """
 MASS = Key("tip_payload", "all", "mass_kg")
+REMEDY = "accept the robot anew: tendril gap accept"
+LOST = "states without a reading of a motor or a disk"
 DISKS = [Key("held_out_error", f"disk 4 {axis}", "rms") for axis in "xyz"]
 
 
@@ -46,9 +48,15 @@ def days(tmp_path_factory):
         (place / "plan.yaml").write_text(PLAN.format(amplitude))
         data = tendril.simulate(ROBOT, effects, plan=place / "plan.yaml", seed=seed)
         tables = motors_and_tips(data)
+        if name != "same":  # the tracker lost the tip for a while
+            circle = tables["01_circle"].copy()
+            circle.loc[circle["t_s"].between(2, 3), ["tip_x_m", "tip_y_m", "tip_z_m"]] = float("nan")
+            tables["01_circle"] = circle
         tendril.DataSet.from_dataframe(tables, ROBOT).to_folder(place / name)
     tendril.DataSet.from_dataframe({"a": tables["01_circle"].iloc[:60]}, ROBOT).to_folder(place / "short")
     data.to_folder(place / "with_tensions")
+    without = {name: table.drop(columns="motor_position_rad_2") for name, table in tables.items()}
+    tendril.DataSet.from_dataframe(without, ROBOT).to_folder(place / "no_motor_2")
     return place
 
 
@@ -73,6 +81,7 @@ def kept(db):
 def test_the_accepted_state_is_how_well_the_robot_was_learned_disk_by_disk(watched):
     status, out, err = watched.accepted
     assert (status, err) == (0, "") and "learned: it misses disk 4 by 0." in out, (out, err)
+    assert len([line for line in out.splitlines() if LOST in line]) == 1 and "tensions" not in out, out
     accepted, _ = kept(watched.db)
     assert accepted.diagnosed and list(accepted.numbers) == DISKS
     assert all(n.unit == "m" and 1e-5 < n.value < 1e-3 for n in accepted.numbers.values())
@@ -89,7 +98,12 @@ def test_a_mass_at_the_tip_is_an_alarm_with_its_cause_size_and_probability(watch
     assert status == program.CHANGED and out.startswith("ALARM: robot 'rig_60mm' on 2026-11-03: changed beyond")
     assert "tip_payload mass_kg +" in out and "since 2026-11-03; cause: tip_payload (p 0.9" in out, out
     assert "disk 4 z is missed by" in out and "mm when accepted)" in out
+    assert out.count(LOST) == 1 and "@before" not in out, out
     entry = kept(watched.db)[1][-1]
+    for channel in entry.channels:
+        matters = np.hypot(channel["floor"], channel["delta"]) - channel["floor"]  # from there on it is in excess
+        material = entry.numbers[Key("held_out_error", channel["name"], "rms")].material
+        assert material == pytest.approx(matters) and 0 < material < channel["delta"]
     assert entry.finding["unchanged"] < 1e-6 and entry.finding["changes"][0]["effect"] == "tip_payload"
     change = postures.changes(kept(watched.db)[1])[0]
     assert change.key == MASS and change.ci[0] < PAYLOAD_kg < change.ci[1]
@@ -120,6 +134,8 @@ def test_the_same_day_again_and_its_history_are_the_same_alarm(watched, days):
     [
         (["watch", "{days}/short"], "needs 40 (a state is a mean over 0.25 s"),
         (["accept", "{days}/short"], "needs 40 (a state is a mean over 0.25 s"),
+        (["accept", "{days}/no_motor_2"], "no position of motor 2 in a run"),
+        (["watch", "{days}/no_motor_2"], "no position of motor 2 in a run"),
         (["watch", "{days}/with_tensions"], "was accepted by motors and markers alone; accept it with runs like these"),
     ],
 )
@@ -137,8 +153,15 @@ def test_a_day_needs_the_accepted_runs_as_they_were(watched, days, tmp_path):
     with Store(str(db), "rwc") as store:
         state = kept(days / "accepted.db")[0]
         store.add(dataclasses.replace(state, id=0, runs={name: "0" for name in state.runs}))
-    status, out, err = run("watch", "--db", db, "--robot", ROBOT, "--at", "2026-11-08", days / "changed")
-    assert (status, out) == (1, "") and "changed since it was accepted" in err, err
+        gone = dataclasses.replace(state, id=0, sources=[str(tmp_path / "gone")])
+    words = ["watch", "--db", db, "--robot", ROBOT, "--at", "2026-11-08", days / "changed"]
+    status, out, err = run(*words)
+    assert (status, out) == (1, "") and "changed since it was accepted" in err and REMEDY in err, err
+    with Store(str(db)) as store:
+        store.add(gone)
+    status, out, err = run(*words)
+    assert (status, out) == (1, "") and "gone: no longer there" in err and REMEDY in err, err
+    assert err.count("\n") == 1
 
 
 def test_states_are_counted_as_the_diagnosis_does(days):
@@ -148,8 +171,9 @@ def test_states_are_counted_as_the_diagnosis_does(days):
     for count in (postures.LEAST_STATES - 1, postures.LEAST_STATES):
         runs = tendril.DataSet.from_dataframe(table.iloc[:count], ROBOT)
         columns = postures.columns(runs)
-        assert postures.shown(columns) and postures.states(columns) == count
-        assert postures.states([*columns, {**columns[0], "disk_x_m_1": columns[0]["tip_x_m"]}]) == 2 * count
+        assert postures.shown(columns, runs.robot) and postures.states(columns, runs.robot) == count
+        more = {**columns[0], **{f"disk_{axis}_m_1": columns[0][f"tip_{axis}_m"] for axis in "xyz"}}
+        assert postures.states([*columns, more], runs.robot) == 2 * count
         too_few = any("not calibrated state by state" in note for note in tendril.calibrate(ROBOT, runs).notes)
         assert too_few == (count < postures.LEAST_STATES)
 
@@ -159,10 +183,50 @@ def test_a_robot_that_is_not_that_of_the_file_is_not_accepted():
     for missed_m, learned in ((0.001, True), (0.03, False)):
         channels = [types.SimpleNamespace(name=f"disk 2 {axis}", unit="m", held_out=missed_m) for axis in "xyz"]
         if learned:
-            assert "disk 2 by 1.7 mm" in postures.require_learned(channels, [table], "runs")[0]
+            assert "disk 2 by 1.7 mm" in postures.require_learned(channels, [table], 4, "runs")[0]
         else:
             with pytest.raises(tendril.Error, match="cannot be learned from these runs: it misses disk 2 by 52.0 mm"):
-                postures.require_learned(channels, [table], "runs")
+                postures.require_learned(channels, [table], 4, "runs")
+    tip = [types.SimpleNamespace(name="tip x", unit="m", held_out=0.001)]
+    with pytest.raises(tendril.Error, match="runs: compared by 'tip x'.*; record"):
+        postures.require_learned(tip, [table], 4, "runs")
+
+
+def test_states_need_every_motor_and_the_tip_is_the_last_disk(days):
+    robot = tendril.load_robot(ROBOT)
+    whole, without = (
+        postures.columns(tendril.DataSet.from_folder(days / name)) for name in ("accepted", "no_motor_2")
+    )
+    assert postures.states(whole, robot) > 40 and postures.states(without, robot) == 0
+    tip, own = whole[0], dict(whole[0])
+    for axis in "xyz":
+        own[f"disk_{axis}_m_4"] = own.pop(f"tip_{axis}_m")
+    assert postures.states([tip, own], robot) == 2 * postures.states([tip], robot) > 0
+    assert postures.states([tip, {name: own[name] for name in own if name != "disk_z_m_4"}], robot) == 0
+    assert postures.states([tip, {**own, "motor_position_rad_1": np.nan * own["t_s"]}], robot) == 0
+
+
+def test_what_was_left_out_is_told_with_the_entry_and_what_acceptance_said_is_not_told_again():
+    of_accepted = ["run a: 3 of 24 states without a reading", "the tracker's clock gains 2 ms a second"]
+    told = [
+        "neither torques nor tensions: and so on",
+        "a: the marker of disk 4 leaps away and back in 2 frames",
+        "run a@before: 3 of 24 states without a reading",
+        "run a@before: 5 of 24 states without a reading",
+        of_accepted[1],
+        of_accepted[0],
+    ]
+    notes = postures.day_notes(["left out: b"], ["left out: b", *told], of_accepted, ["a"])
+    assert notes == ["left out: b", told[1], told[3], of_accepted[0]]
+
+
+def test_numbers_that_had_not_settled_are_told_with_the_accepted_state(days, monkeypatch):
+    runs = tendril.DataSet.from_folder(days / "accepted")
+    told = ["neither torques nor tensions", "x", "x"]
+    found = dataclasses.replace(tendril.calibrate(ROBOT, runs), converged=False, notes=told)
+    monkeypatch.setattr(postures, "calibrate", lambda *_, **__: found)
+    notes = postures.learned(dataclasses.replace(entry(0), sources=["runs"]), runs, None).notes
+    assert notes[1:] == ["x", "the numbers of the robot had not settled after the allowed steps"]
 
 
 def entry(day, cause=None, alarm=True, value=0.0):

@@ -1,5 +1,7 @@
 """The database of watched robots: whole after a kill and on a full disk."""
 
+import dataclasses
+import json
 import os
 import random
 import sqlite3
@@ -71,6 +73,29 @@ def test_an_entry_comes_back_as_it_was(database):
         added = store.add(given)
         assert store.days(accepted) == [added]
         assert {**vars(added), "id": 0} == vars(given)
+
+
+def test_only_an_entry_that_older_programs_cannot_read_is_kept_from_them(database):
+    """These hand all that is in `about` to their Entry, which has no `diagnosed`."""
+
+    def format_and_abouts():
+        with sqlite3.connect(database) as raw:
+            return raw.execute("PRAGMA user_version").fetchone()[0], [
+                json.loads(row[0]) for row in raw.execute("SELECT about FROM entries ORDER BY id")
+            ]
+
+    with Store(database) as store:
+        first = store.accepted("robot")[0]
+        store.conclude(store.add(day(1, first.id)))
+    form, abouts = format_and_abouts()
+    assert form == 1 and not any("diagnosed" in about for about in abouts)
+    with Store(database) as store:
+        learned = store.add(dataclasses.replace(day(2), diagnosed=True))
+    form, abouts = format_and_abouts()
+    assert form == 2 and abouts[-1]["diagnosed"]
+    with Store(database, "ro") as store:
+        assert [state.diagnosed for state in store.accepted("robot")] == [False, True]
+        assert store.accepted("robot")[-1] == learned
 
 
 def test_a_kill_at_any_moment_loses_nothing_that_was_kept(database):

@@ -37,6 +37,15 @@ void Editor::Replace(const YAML::Node& node, const std::string& value) {
   edits_[line].push_back({column, old, value});
 }
 
+void Editor::Fill(const YAML::Node& list, const std::string& text) {
+  const auto line = static_cast<std::size_t>(list.Mark().line),
+             column = static_cast<std::size_t>(list.Mark().column);
+  const std::size_t end = line < lines_.size() ? lines_[line].find(']', column) : std::string::npos;
+  if (end == std::string::npos || lines_[line][column] != '[')
+    throw std::runtime_error(fmt::format("{}:{}: cannot be edited in place; write []", path_, line + 1));
+  edits_[line].push_back({column, lines_[line].substr(column, end + 1 - column), text});
+}
+
 void Editor::Insert(const YAML::Node& map, const std::string& text) {
   const YAML::Node first = map.begin()->first;
   const auto line = static_cast<std::size_t>(first.Mark().line),

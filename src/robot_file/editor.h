@@ -26,6 +26,9 @@ class Editor {
   /// Replaces a number in the file; the old one stays as a comment.
   void Replace(const YAML::Node& node, const std::string& value);
 
+  /// Writes what an empty list in flow style, `[]`, holds from now on; `text` has the brackets too.
+  void Fill(const YAML::Node& list, const std::string& text);
+
   /// Inserts a missing key as the first of its map.
   void Insert(const YAML::Node& map, const std::string& text);
 

@@ -9,6 +9,7 @@
 #include <charconv>
 #include <cmath>
 #include <map>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -181,6 +182,19 @@ void CarryTendons(Editor& editor, const RobotParameters& before, const RobotPara
     }
     return path;
   };
+  // A list that is empty in the file is filled at once, with all that its elements have.
+  std::set<Path> filled;
+  const auto fill = [&](const Path& above, const Path& path, std::size_t tendon) {
+    const Path list = list_of(path), in_file = Join(above, list);
+    const YAML::Node there = editor.At(in_file);
+    if (list == path || !there.IsDefined() || there.size() > 0) return false;
+    if (filled.insert(in_file).second) {
+      RobotParameters first = after;
+      std::swap(first.actuation->tendons[0], first.actuation->tendons[tendon]);
+      editor.Fill(there, Flow(Find(Resolved(first), Join({"actuation"}, list))));
+    }
+    return true;
+  };
   std::map<std::size_t, std::vector<Path>> apart;  // keys specific to a tendon
   for (const auto& [path, by_tendon] : changes) {
     std::vector<std::size_t> sharing;
@@ -190,13 +204,14 @@ void CarryTendons(Editor& editor, const RobotParameters& before, const RobotPara
         sharing.push_back(j);
         continue;
       }
-      if (const auto change = by_tendon.find(j); change != by_tendon.end()) {
+      if (const auto change = by_tendon.find(j); change != by_tendon.end() && !fill(own(j), path, j)) {
         editor.Replace(editor.NumberAt(Join(own(j), path)), Written(change->second));
       }
     }
     const bool alike = !sharing.empty() && std::all_of(sharing.begin(), sharing.end(), [&](std::size_t j) {
       return by_tendon.count(j) && Same(by_tendon.at(j), by_tendon.at(sharing.front()));
     });
+    if (alike && fill({"actuation"}, path, sharing.front())) continue;
     if (alike) {
       RobotParameters first = after;
       std::swap(first.actuation->tendons[0], first.actuation->tendons[sharing.front()]);

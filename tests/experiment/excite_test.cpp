@@ -402,6 +402,27 @@ TEST(Patch, EveryEffectOnEveryPlaceReadsBackAsFolded) {
   }
 }
 
+TEST(Patch, PathsThatAFileDrawsWithoutPulleysGetThem) {
+  const std::string file = TENDRIL_SOURCE_DIR "/config/import/trunk_payload.yaml";
+  const std::string in_lines = ReadText(kRobots + "rig_90mm.yaml");
+  const auto from = in_lines.find("    pulleys:\n"), next = in_lines.find("    presliding_m:", from);
+  ASSERT_LT(from, next);
+  ASSERT_NE(next, in_lines.npos);
+  for (const std::string& text :
+       {ReadText(file), in_lines.substr(0, from) + "    pulleys: []\n" + in_lines.substr(next)}) {
+    for (const char* where : {"all", "tendon:2"}) {
+      SCOPED_TRACE(where);
+      RobotParameters wanted = config::ParseRobot(text, file);
+      wanted.effects = {{.name = "wrap_angle", .where = where, .values = {{"extra_rad", 2}}}};
+      const robot_file::RobotPatch patch = robot_file::PatchRobot(text, file, wanted.effects, {"why"});
+      EXPECT_LE(robot_file::RobotDifference(patch.robot, wanted), 1e-9);
+      const auto& tendons = patch.robot.actuation->tendons;
+      EXPECT_EQ(tendons[1].transmission.pulleys.at(0).wrap_rad, 2);
+      EXPECT_EQ(tendons[0].transmission.pulleys.size(), std::string(where) == "all" ? 1u : 0u);
+    }
+  }
+}
+
 TEST(Patch, KeepsCommentsOrderAndEverythingElse) {
   const std::string text = ReadText(kRobots + "rig_90mm.yaml");
   const std::vector<EffectSetting> effects{

@@ -50,9 +50,16 @@ void AddGapWatchCommand(CLI::App& app) {
       "--each", o->each,
       "data are folders of which each item is a day; those not entered yet are, in order of time");
   AddPage(*command, o->page);
-  command->add_option("--out", o->out, "folder for the diagnosis of an alarm")->capture_default_str();
+  command
+      ->add_option(
+          "--out", o->out,
+          "folder for the diagnosis of an alarm, of a position-controlled robot also of an unsure day")
+      ->capture_default_str();
   command->add_flag("--json", o->json, "a line of JSON an entry, instead of the text");
-  command->add_flag("--no-cause", o->no_cause, "do not diagnose an alarm");
+  command->add_flag(
+      "--no-cause", o->no_cause,
+      "do not diagnose an alarm; of a position-controlled robot, whose days are diagnosed in any "
+      "case, keep no report");
   command->add_option("--false-alarms", o->false_alarms, "at most so many in 365 entries without a change")
       ->check(Positive())
       ->capture_default_str();

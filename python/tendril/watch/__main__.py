@@ -82,10 +82,19 @@ def make_parser(command: str) -> argparse.ArgumentParser:
     )
     parser.add_argument("--page", metavar="FILE", help="the courses as a page, written anew each time")
     parser.add_argument(
-        "--out", metavar="DIR", default="out/watch", help="folder for the diagnosis of an alarm (%(default)s)"
+        "--out",
+        metavar="DIR",
+        default="out/watch",
+        help="folder for the diagnosis of an alarm, of a position-controlled robot also of an unsure day "
+        "(%(default)s)",
     )
     parser.add_argument("--json", action="store_true", help="a line of JSON an entry instead of the text")
-    parser.add_argument("--no-cause", action="store_true", help="without a diagnosis on an alarm")
+    parser.add_argument(
+        "--no-cause",
+        action="store_true",
+        help="no diagnosis of an alarm; of a position-controlled robot, whose days are diagnosed in any case, "
+        "no report",
+    )
     parser.add_argument(
         "--false-alarms",
         type=number(1e-6, 100, "a year"),
@@ -108,7 +117,7 @@ def accept(o: argparse.Namespace) -> int:
             delta_N=o.delta_N,
             delta_m=None if o.delta_mm is None else 1e-3 * o.delta_mm,
         )
-        if postures.shown(postures.columns(runs)):
+        if postures.shown(postures.columns(runs), runs.robot):
             entry = postures.learned(entry, runs, line)
         else:
             entry = day.measured(entry, runs, None, line)

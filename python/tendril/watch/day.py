@@ -20,6 +20,7 @@ from ..tracking import track
 from .change import Change
 from .store import Entry, Key, Number
 
+_REMEDY = "put the runs back as they were, or accept the robot anew: tendril gap accept"
 _DATED = re.compile(r"\d{4}-\d{2}-\d{2}")
 
 
@@ -96,11 +97,16 @@ def measured(entry: Entry, runs: DataSet, accepted: Entry | None, progress: Prog
 
 
 def accepted_runs(accepted: Entry) -> DataSet:
-    """The runs of an accepted state; Error where they are not what they were."""
+    """The runs of an accepted state; Error, with what to do, where they are not what they were."""
     robot = _core.parse_robot(accepted.robot_yaml, f"robot '{accepted.robot}' as accepted")
-    runs = DataSet.from_folder(*accepted.sources, robot=robot, same_robot=True)
+    if gone := [source for source in accepted.sources if not os.path.exists(source)]:
+        raise Error(f"{gone[0]}: no longer there; {_REMEDY}")
+    try:
+        runs = DataSet.from_folder(*accepted.sources, robot=robot, same_robot=True)
+    except (Error, ValueError) as error:
+        raise Error(f"{str(error).splitlines()[0]}; these are accepted runs: {_REMEDY}") from None
     if {run.name: run.sha256 for run in runs} != accepted.runs:
-        raise Error(f"{accepted.sources[0]}: changed since it was accepted")
+        raise Error(f"{accepted.sources[0]}: changed since it was accepted; {_REMEDY}")
     return runs
 
 

@@ -134,7 +134,7 @@ def _missed(accepted: Entry, days: Sequence[Entry]) -> str:
     cards = "".join(_card(accepted, days, key, None) for key in accepted.numbers if key.effect == HELD_OUT)
     caption = (
         "By how much (rms) the robot as accepted misses its disks on each day, less what it missed of the accepted "
-        "runs in states that it was not fitted to. Grey: what does not matter."
+        "runs in states that it was not fitted to. Grey: what does not matter on one axis alone."
     )
     head = "<h2>Held-out error</h2>"
     return f"<section>{head}<p class='caption'>{caption}</p><div class='grid'>{cards}</div></section>"

@@ -30,8 +30,17 @@ LEAST_STATES, STATE_s, ROUNDING = 40, 0.25, 1e-6
 MOST_MISSED = 0.5
 
 Columns = dict[str, npt.NDArray[np.float64]]
-_MOTOR, _PULL = re.compile("motor_position_"), re.compile("torque_|tension_")
-_PLACE, _TURN = re.compile("(tip|disk)_[xyz]_m"), re.compile("(tip|disk)_q[wxyz]")
+_MOTOR, _PULL = re.compile(r"motor_position_rad_(\d+)"), re.compile("torque_|tension_")
+# What is read of a point: of its place and of its turn.
+_READ = {"": ("x_m", "y_m", "z_m"), "turn of ": ("qw", "qx", "qy", "qz")}
+_CHANNEL = re.compile(r"(turn of )?disk (\d+) (?:about )?([xyz])")
+# Lines of every calibration and diagnosis of such a robot: of what it cannot show at all, of the floor and of files.
+_ALWAYS = (
+    "neither torques nor tensions",
+    "the robot as learned from the runs before misses",
+    "its numbers furthest from the file",
+    "the file draws no pulleys",
+)
 
 
 def columns(runs: DataSet) -> list[Columns]:
@@ -44,62 +53,113 @@ def columns(runs: DataSet) -> list[Columns]:
     return found
 
 
-def shown(tables: Sequence[Columns]) -> bool:
-    """Every run has positions of motors and of disks, by place or orientation, and neither torques nor tensions."""
-    return bool(tables) and all(
-        any(map(_MOTOR.match, table))
-        and any(_PLACE.match(name) or _TURN.match(name) for name in table)
-        and not any(map(_PULL.match, table))
-        for table in tables
+def points(table: Columns, disks: int) -> dict[str, list[str]]:
+    """Columns by what they show, 'disk 3' or 'turn of disk 3'. As in the diagnosis, the tip stands for the last disk
+    where that has no readings of its own."""
+    found = {}
+    for kind, read in _READ.items():
+        for disk in range(1, disks + 1):
+            own, tip = [f"disk_{part}_{disk}" for part in read], [f"tip_{part}" for part in read]
+            for names in (own, tip) if disk == disks else (own,):
+                if any(name in table for name in names):
+                    found[f"{kind}disk {disk}"] = names
+                    break
+    return found
+
+
+def _motors(table: Columns) -> set[int]:
+    return {int(named[1]) for named in map(_MOTOR.fullmatch, table) if named}
+
+
+def _disks(robot: _core.Robot) -> int:
+    return _core.Model(robot).disk_count
+
+
+def shown(tables: Sequence[Columns], robot: _core.Robot) -> bool:
+    """Every run has positions of the robot's motors and of disks, by place or orientation, and neither torques nor
+    tensions."""
+    disks = _disks(robot)
+    return (
+        bool(tables)
+        and robot.has_actuation
+        and all(
+            len(table["t_s"]) > 1
+            and 0 < max(_motors(table), default=0) <= robot.tendons
+            and points(table, disks)
+            and not any(map(_PULL.match, table))
+            for table in tables
+        )
     )
 
 
-def states(tables: Sequence[Columns]) -> int:
-    """Times in which every motor was read, and every disk that all runs show."""
-    common = set.intersection(*({n for n in table if _PLACE.match(n) or _TURN.match(n)} for table in tables))
+def states(tables: Sequence[Columns], robot: _core.Robot) -> int:
+    """Times in which every motor of the robot was read, and every disk that all runs show. 0 where a run has none: the
+    diagnosis then does not go state by state."""
+    disks = _disks(robot)
+    of_runs = [points(table, disks) for table in tables]
+    common = set.intersection(*map(set, of_runs)) if of_runs else set()
     count = 0
-    for table in tables if common else ():
-        used = [name for name in table if _MOTOR.match(name) or name in common]
+    for table, its in zip(tables, of_runs, strict=True):
+        used = [f"motor_position_rad_{j}" for j in range(1, robot.tendons + 1)]
+        used += [name for point in common for name in its[point]]
+        if not common or any(name not in table for name in used):
+            return 0
         read = np.isfinite(np.stack([table[name] for name in used], axis=1))
         time = table["t_s"]
         number = np.floor((time - time[0]) / STATE_s + ROUNDING)
         first = np.flatnonzero(np.diff(number, prepend=-1.0))
-        count += int(np.logical_or.reduceat(read, first, axis=0).all(axis=1).sum())
+        here = int(np.logical_or.reduceat(read, first, axis=0).all(axis=1).sum())
+        if here == 0:
+            return 0
+        count += here
     return count
 
 
-def require_states(tables: Sequence[Columns], name: str) -> None:
+def require_states(tables: Sequence[Columns], robot: _core.Robot, name: str) -> None:
     """Raises where the robot cannot be learned from so little, nor a day be weighed."""
-    if (there := states(tables)) < LEAST_STATES:
+    unread = [j for j in range(1, robot.tendons + 1) if any(j not in _motors(table) for table in tables)]
+    if unread:
+        raise Error(
+            f"{name}: no position of motor {', '.join(map(str, unread))} in a run, where a position-controlled robot "
+            f"needs those of all {robot.tendons} motors in each; record them, or check the names of columns in the map"
+        )
+    if (there := states(tables, robot)) < LEAST_STATES:
         raise Error(
             f"{name}: {there} states of motors and markers, where a position-controlled robot needs {LEAST_STATES} "
-            f"(a state is a mean over {STATE_s} s, or a row where these are further apart); record more"
+            f"(a state is a mean over {STATE_s} s, or a row where these are further apart), some in each run; "
+            "record more"
         )
 
 
 def learned(entry: Entry, runs: DataSet, progress: Progress) -> Entry:
     """The accepted state: by how much the robot that these runs teach misses its disks where it was not fitted to."""
     tables = columns(runs)
-    require_states(tables, entry.sources[0])
+    require_states(tables, runs.robot, entry.sources[0])
     found = calibrate(runs.robot, runs, progress=progress)
-    note = require_learned(found.channels, tables, entry.sources[0])
+    notes = [*require_learned(found.channels, tables, _disks(runs.robot), entry.sources[0]), *runs.notes]
+    notes += [line for line in found.notes if not line.startswith(_ALWAYS)]
+    if not found.converged:
+        notes.append("the numbers of the robot had not settled after the allowed steps")
     kept = [
         {"name": c.name, "unit": c.unit, "rms": c.held_out, "floor": c.floor, "discrepancy": c.discrepancy}
         for c in found.channels
     ]
     numbers = {Key(HELD_OUT, c.name, "rms"): Number(c.unit, c.held_out, 0, 0) for c in found.channels}
-    return replace(entry, numbers=numbers, channels=kept, notes=[*note, *runs.notes], diagnosed=True)
+    return replace(entry, numbers=numbers, channels=kept, notes=list(dict.fromkeys(notes)), diagnosed=True)
 
 
-def require_learned(channels: Sequence[CalibratedChannel], tables: Sequence[Columns], name: str) -> list[str]:
+def require_learned(
+    channels: Sequence[CalibratedChannel], tables: Sequence[Columns], disks: int, name: str
+) -> list[str]:
     """How well, as a note. Raises where the robot is not the one of the file: no day could be weighed against it."""
     squares: dict[str, float] = {}
     for channel in channels:
-        if channel.unit != "m":
+        turn, number, _ = _place(channel.name, name)
+        if turn:
             return []  # what orientations miss has no such yardstick here; the diagnosis of a day has it
-        disk = channel.name.rsplit(" ", 1)[0]
+        disk = f"disk {number}"
         squares[disk] = squares.get(disk, 0.0) + channel.held_out**2
-    moved = [_motion(tables, disk) for disk in squares]
+    moved = [_motion(tables, disk, disks) for disk in squares]
     missed = [math.sqrt(square) for square in squares.values()]
     missed_mm, moved_mm = (" / ".join(f"{1e3 * m:.1f}" for m in all_of) for all_of in (missed, moved))
     words = (
@@ -114,15 +174,21 @@ def require_learned(channels: Sequence[CalibratedChannel], tables: Sequence[Colu
     return [f"learned: {words}"]
 
 
-def _motion(tables: Sequence[Columns], disk: str) -> float:
-    """Rms distance of 'disk 3' from its mean; the tip stands for a disk without columns of its own."""
-    number = disk.split()[1]
-    square = 0.0
-    for axis in "xyz":
-        names = (f"disk_{axis}_m_{number}", f"tip_{axis}_m")
-        values = np.concatenate([t.get(names[0], t.get(names[1], np.empty(0))) for t in tables])
-        square += float(np.nanvar(values)) if len(values) else 0.0
-    return math.sqrt(square)
+def _place(channel: str, source: str) -> tuple[bool, int, str]:
+    """Turn or place, number of the disk, and axis; in the order in which the diagnosis lists its findings."""
+    named = _CHANNEL.fullmatch(channel)
+    if named is None:
+        raise Error(
+            f"{source}: compared by '{channel}', where a position-controlled robot is compared disk by disk; record "
+            "positions of all motors, and the same markers in all runs"
+        )
+    return named[1] is not None, int(named[2]), named[3]
+
+
+def _motion(tables: Sequence[Columns], disk: str, disks: int) -> float:
+    """Rms distance of 'disk 3' from its mean."""
+    seen = [[table[name] for name in points(table, disks)[disk]] for table in tables]
+    return math.sqrt(sum(float(np.nanvar(np.concatenate(axis))) for axis in zip(*seen, strict=True)))
 
 
 def diagnosed(
@@ -130,35 +196,52 @@ def diagnosed(
 ) -> tuple[Entry, Report]:
     """A day: what the accepted robot misses of it, what may have changed, and how sure that is."""
     tables = columns(runs)
-    if not shown(tables):
+    if not shown(tables, runs.robot):
         raise Error(
             f"{entry.sources[0]}: with torques or tensions, or without motors or markers, where robot "
             f"'{accepted.robot}' was accepted by motors and markers alone; accept it with runs like these"
         )
-    require_states(tables, entry.sources[0])
+    require_states(tables, runs.robot, entry.sources[0])
     report = diagnose(
         runs.robot, runs, accepted_runs(accepted), delta_m=accepted.delta_m, next=False, progress=progress
     )
     if report.verdict == "insufficient_data":
         raise Error(f"{entry.sources[0]}: {report.sentence}")
-    channels = _channels(report)
-    numbers = {Key(HELD_OUT, c["name"], "rms"): Number(c["unit"], c["rms"], 0, c["delta"]) for c in channels}
+    channels = _channels(report, entry.sources[0])
+    numbers = {Key(HELD_OUT, c["name"], "rms"): Number(c["unit"], c["rms"], 0, material(c)) for c in channels}
     for cause in report.causes:
         if "screened" not in cause.note:
             numbers |= _sizes(cause)
-    day = replace(entry, numbers=numbers, channels=channels, notes=list(runs.notes), diagnosed=True)
+    notes = day_notes(runs.notes, report.degradations, accepted.notes, [run.name for run in runs])
+    day = replace(entry, numbers=numbers, channels=channels, notes=notes, diagnosed=True)
     return replace(day, finding=finding(report, false_alarms_per_year)), report
 
 
-def _channels(report: Report) -> list[dict[str, Any]]:
+def material(channel: dict[str, Any]) -> float:
+    """Above the floor, where all of a disk's excess is on this axis: the diagnosis takes the floor off in squares, and
+    the day's course shows the difference of the two."""
+    return math.hypot(channel["floor"], channel["delta"]) - float(channel["floor"])
+
+
+def day_notes(of_set: Sequence[str], told: Sequence[str], accepted: Sequence[str], runs: Sequence[str]) -> list[str]:
+    """What was left out of a day, masked, or is doubtful, by the remarks on the set and those that the diagnosis told.
+    Without what acceptance has said of the accepted runs, which every day is diagnosed with; there they are called
+    'NAME@before'."""
+
+    def is_known(line: str) -> bool:
+        then = line.removeprefix("before: ").replace("@before", "")
+        begin = tuple(f"{word}{name}: " for word in ("", "run ", "left out: ") for name in runs)
+        own = then == line and line.startswith(begin)  # the day's run may be called as an accepted one
+        return not own and any(then.startswith(note) for note in accepted)
+
+    lines = [line for line in told if not line.startswith(_ALWAYS) and not is_known(line)]
+    return list(dict.fromkeys([*of_set, *lines]))
+
+
+def _channels(report: Report, source: str) -> list[dict[str, Any]]:
     """What is compared, disk by disk: missed by the robot as accepted, and what this missed of its own runs."""
-
-    def place(name: str) -> tuple[bool, int, str]:  # as the findings are listed: places first, then turns
-        turn, disk, axis = re.fullmatch(r"(turn of )?disk (\d+) (?:about )?([xyz])", name).groups()  # type: ignore[union-attr]
-        return turn is not None, int(disk), axis
-
     of_disks = [f for f in report.location if f.cut == "C4" and f.measured]
-    names = sorted((c.channel for c in report.closed.channels.values()), key=place)
+    names = sorted((c.channel for c in report.closed.channels.values()), key=lambda name: _place(name, source))
     return [
         {
             "name": name,

@@ -16,7 +16,9 @@ from typing import Any
 from ..errors import Error
 
 APPLICATION = 0x54474157  # 'TGAW', in the file's head: another program's database is not taken for one
-FORMAT = 1
+# Of a database. 2: with entries that are `diagnosed`, which programs for 1 cannot read; without these it stays 1, for
+# such programs too.
+PLAIN, FORMAT = 1, 2
 SCHEMA = """
 CREATE TABLE entries (
   id INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -105,7 +107,10 @@ _COLUMNS = ("robot", "at", "numbers", "accepted", "id")  # of the tables; all el
 
 
 def _about(entry: Entry) -> str:
-    return json.dumps({key: value for key, value in vars(entry).items() if key not in _COLUMNS})
+    about = {key: value for key, value in vars(entry).items() if key not in _COLUMNS}
+    if not entry.diagnosed:
+        del about["diagnosed"]  # unknown to programs that read format 1
+    return json.dumps(about)
 
 
 def _written(path: str) -> bool:
@@ -152,16 +157,17 @@ class Store:
                         for statement in SCHEMA.split(";\n"):
                             self._db.execute(statement)
                         self._db.execute(f"PRAGMA application_id={APPLICATION}")
-                        self._db.execute(f"PRAGMA user_version={FORMAT}")
+                        self._db.execute(f"PRAGMA user_version={PLAIN}")
             kind, form = (
                 self._db.execute(f"PRAGMA {name}").fetchone()[0]
                 for name in ("application_id", "user_version")
             )
         if kind != APPLICATION:
             raise StoreError(f"{self._path}: not a database of tendril gap watch; give another --db")
-        if form != FORMAT:
+        if not PLAIN <= form <= FORMAT:
             raise StoreError(
-                f"{self._path}: of format {form}, where this version reads {FORMAT}; use the version that made it"
+                f"{self._path}: of format {form}, where this version reads {PLAIN} and {FORMAT}; "
+                "use the version that made it"
             )
 
     def _empty(self) -> bool:
@@ -214,6 +220,8 @@ class Store:
                 (entry.robot, entry.accepted, entry.at, entry.digest, _about(entry)),
             )
             assert made.lastrowid is not None
+            if entry.diagnosed:
+                self._db.execute(f"PRAGMA user_version={FORMAT}")
             self._db.executemany(
                 "INSERT INTO numbers VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
                 [

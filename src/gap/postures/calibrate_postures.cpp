@@ -47,7 +47,11 @@ class Calibrating {
     PostureRobot robot;  // without the tracker's frame and what else no file holds
     robot.robot = file_;
     robot.zero_m = Eigen::VectorXd::Zero(file_.body.tendons());
-    found_.robot = WithNumbers(robot, learned_.numbers, learned_.x).robot;
+    for (std::size_t k = 0; k < learned_.numbers.size(); ++k) {
+      const PostureNumber& number = learned_.numbers[k];
+      if (!number.assumed) number.apply(robot, learned_.x[static_cast<Eigen::Index>(k)]);
+    }
+    found_.robot = std::move(robot.robot);
     return std::move(found_);
   }
 

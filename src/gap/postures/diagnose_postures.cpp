@@ -254,9 +254,20 @@ class Diagnosing {
     }
   }
 
+  /// The change that is accepted, else the likeliest.
+  const ChangeFit& Shown() const {
+    for (const ChangeFit& fit : search_.fits) {
+      const std::optional<Candidate>& effect = ChangeOf(fit).effect;
+      if (!d_.accepted.empty() && effect && d_.accepted.front().effect == effect->effect->name &&
+          d_.accepted.front().where == effect->where)
+        return fit;
+    }
+    return search_.fits.front();
+  }
+
   void Closures() {
     if (search_.fits.empty()) return;
-    const Eigen::MatrixXd& best = search_.fits.front().held_out_m;
+    const Eigen::MatrixXd& best = Shown().held_out_m;
     const Eigen::MatrixXd& after =
         d_.verdict == Verdict::kNoGap || best.size() == 0 ? search_.before_m : best;
     for (Eigen::Index c = 0; c < after.cols(); ++c) {
@@ -274,7 +285,7 @@ class Diagnosing {
   /// Each channel in the run after in which the robot from before misses it most.
   void Overlays() {
     const bool with_change =
-        d_.verdict != Verdict::kNoGap && !search_.fits.empty() && search_.fits.front().held_out_m.size() > 0;
+        d_.verdict != Verdict::kNoGap && !search_.fits.empty() && Shown().held_out_m.size() > 0;
     for (Eigen::Index c = 0; c < search_.before_m.cols(); ++c) {
       const auto missed = [&](const StateRange& rows) {
         return search_.before_m.col(c).segment(rows.first, rows.count).squaredNorm() /
@@ -304,7 +315,7 @@ class Diagnosing {
       overlay.time_s = {worst->time_s.begin(), worst->time_s.end()};
       overlay.measured = list(worst->seen_m.col(c));
       overlay.before = modelled(search_.before_m);
-      if (with_change) overlay.after = modelled(search_.fits.front().held_out_m);
+      if (with_change) overlay.after = modelled(Shown().held_out_m);
       d_.overlays.push_back(std::move(overlay));
     }
   }
@@ -339,15 +350,15 @@ class Diagnosing {
 
   std::string NumbersMoved() const {
     constexpr std::size_t kNamed = 4;
-    const RobotParameters found = learned_.RobotAt(learned_.x).robot;
     std::vector<std::pair<double, std::string>> moved;  // prior deviations
     for (std::size_t k = 0; k < learned_.numbers.size(); ++k) {
       const PostureNumber& number = learned_.numbers[k];
       if (!number.value) continue;
       moved.emplace_back(
           std::abs(learned_.x[static_cast<Eigen::Index>(k)]) / number.deviation,
-          fmt::format("{} {:.3g} where {:.3g} {}", number.key, number.value(found), number.value(set_.robot),
-                      number.assumed ? "is usual" : "is in the file"));
+          fmt::format("{} {:.3g} where {:.3g} {}", number.key,
+                      number.ValueAt(set_.robot, learned_.x[static_cast<Eigen::Index>(k)]),
+                      number.value(set_.robot), number.assumed ? "is usual" : "is in the file"));
     }
     std::sort(moved.rbegin(), moved.rend());
     std::string text;

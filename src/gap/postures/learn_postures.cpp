@@ -280,8 +280,9 @@ std::string ClockDriftText(const LearnedPostures& learned) {
                                   [](const PostureNumber& n) { return n.key == kClockDrift; });
   if (drift == learned.numbers.end()) return "";
   const auto i = drift - learned.numbers.begin();
-  const double value = learned.x[i];
+  const double value = drift->per_change * learned.x[i];
   const double deviation =
+      drift->per_change *
       std::sqrt(learned.precision.ldlt().solve(Eigen::VectorXd::Unit(learned.x.size(), i))[i]);
   if (std::abs(value) < kDeviations * deviation) return "";
   return fmt::format(

@@ -1,6 +1,7 @@
 #include "motor_path.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "tendril/model/stop_operator.h"
 
@@ -13,13 +14,22 @@ Eigen::RowVectorXd SpeedAt(const States& run, Eigen::Index row) {
   return (run.path_rad.row(b) - run.path_rad.row(a)) / (run.path_s[b] - run.path_s[a]);
 }
 
+/// Mean speed over the quarter of a second, or more, at an end of the path.
+Eigen::RowVectorXd SpeedAtEnd(const States& run, Eigen::Index end) {
+  constexpr double kSpan_s = 0.25;
+  const Eigen::Index way = end == 0 ? 1 : -1, last = end == 0 ? run.path_s.size() - 1 : 0;
+  Eigen::Index inner = end + way;
+  while (inner != last && std::abs(run.path_s[inner] - run.path_s[end]) < kSpan_s) inner += way;
+  return (run.path_rad.row(inner) - run.path_rad.row(end)) / (run.path_s[inner] - run.path_s[end]);
+}
+
 /// Of all motors, by cubics that meet smoothly; before the first reading and after the last they went on as
 /// there.
 Eigen::RowVectorXd AngleAt(const States& run, double time_s) {
   const auto after = std::upper_bound(run.path_s.begin(), run.path_s.end(), time_s) - run.path_s.begin();
   if (after == 0 || after == run.path_s.size()) {
     const Eigen::Index end = after == 0 ? 0 : after - 1;
-    return run.path_rad.row(end) + (time_s - run.path_s[end]) * SpeedAt(run, end);
+    return run.path_rad.row(end) + (time_s - run.path_s[end]) * SpeedAtEnd(run, end);
   }
   const double h = run.path_s[after] - run.path_s[after - 1], u = (time_s - run.path_s[after - 1]) / h;
   const double w = u * u * (3 - 2 * u);
@@ -31,9 +41,10 @@ Eigen::RowVectorXd AngleAt(const States& run, double time_s) {
 
 Eigen::MatrixXd AnglesBefore(const States& run, double lag_s, double drift) {
   Eigen::MatrixXd angle = run.motor_rad;
+  const auto alone = std::count_if(run.rows.begin(), run.rows.end(), [](auto its) { return its.count < 2; });
+  if (2 * alone > std::ssize(run.rows)) return angle;
   for (Eigen::Index state = 0; state < std::ssize(run.rows); ++state) {
     const States::Rows its = run.rows[static_cast<std::size_t>(state)];
-    if (its.count < 2) continue;
     Eigen::RowVectorXd moved = Eigen::RowVectorXd::Zero(angle.cols());
     for (Eigen::Index row = its.first; row < its.first + its.count; ++row) {
       const double time_s = run.path_s[row];

@@ -8,8 +8,8 @@
 namespace tendril::gap {
 
 /// S x M [rad]: where the motors were `lag_s` + `drift` t before each state, t after the run's first reading,
-/// interpolated between their readings. As in the state itself where it is one reading only: how they moved
-/// about it is not known.
+/// interpolated between their readings. As in the states themselves where most of these are one reading only:
+/// how the motors moved between them is not known.
 Eigen::MatrixXd AnglesBefore(const States& run, double lag_s, double drift);
 
 /// S x M, the mean over each state's readings: 1 where the motor has pulled the tendon by twice the

@@ -25,7 +25,7 @@ const Uncertainty kUnknown{Uncertainty::Kind::kUnknown, 0};
 // Of a polymer sheath with a steel tendon: friction coefficient, wrap, by which it takes a tenth of the
 // tension, and the pull in which friction turns round, mostly by the tendon's stretch.
 constexpr double kSheathAlpha = 0.15, kSheath_rad = 0.7, kSheathPresliding_m = 3e-4;
-constexpr double kSheathAlphaWithin = 2;  // of the coefficient: from none to that of a winding sheath
+constexpr double kSheathWithin = 2;  // deviation, of the wrap: from none to a winding sheath's
 constexpr double kPlaced = 0.01,
                  kPlaced_rad = 0.02;  // of a tracker placed with care: of the length, and turned
 constexpr double kGuessed = 0.5, kGuessed_rad = 0.5;  // of one whose frame was read from the data
@@ -170,46 +170,54 @@ class Listing {
               });
   }
 
-  /// Sheaths of one robot are alike. Not a factor, since a path may well have no friction; with each tendon's
-  /// own factor in any order.
+  /// Sheaths of one robot are alike. Not a factor, since a path may well have no friction.
   void OfSheaths() {
-    std::vector<std::size_t> bare;
-    for (std::size_t j = 0; j < robot_.actuation->tendons.size(); ++j)
-      if (robot_.actuation->tendons[j].transmission.pulleys.empty()) bare.push_back(j);
+    const std::vector<std::size_t> bare = Tendons(false);
     if (bare.empty()) return;
-    const auto alphas = [](RobotParameters& robot, std::size_t tendon) {
-      return Frictions(robot.actuation->tendons[tendon].transmission);  // none where it has no sheaths
-    };
-    all_.push_back({.key = "friction coefficient of the sheaths",
-                    .unit = "",
-                    .deviation = kSheathAlphaWithin,
+    all_.push_back({.key = "wrap of the sheaths",
+                    .unit = "rad",
+                    .deviation = kSheathWithin,
                     .additive = true,
-                    .per_change = kSheathAlpha,
+                    .per_change = kSheath_rad,
                     .apply =
-                        [bare, alphas](PostureRobot& robot, double change) {
+                        [bare](PostureRobot& robot, double change) {
                           for (const std::size_t j : bare)
-                            for (double* alpha : alphas(robot.robot, j)) *alpha *= 1 + change;
+                            for (PulleyParameters& sheath : Path(robot.robot, j).pulleys)
+                              sheath.wrap_rad += kSheath_rad * change;
                         },
                     .value =
-                        [first = bare.front(), alphas](RobotParameters robot) {
+                        [first = bare.front()](RobotParameters robot) {
                           RobotParameters its = WithSheaths(std::move(robot));
-                          return *alphas(its, first).front();
+                          return Path(its, first).pulleys.front().wrap_rad;
                         },
                     .assumed = true});
   }
 
+  /// One for the tendons whose path is drawn, one for the others.
   void OfPresliding() {
-    const auto& tendons = robot_.actuation->tendons;
-    const bool drawn = std::none_of(tendons.begin(), tendons.end(),
-                                    [](const auto& drive) { return drive.transmission.pulleys.empty(); });
     const std::string key = "actuation.transmission.presliding_m";
-    AddFactor(drawn ? key : "pull in which the friction of the sheaths turns round", "m",
-              drawn ? Known({key}) : kUnknown, !drawn, [](RobotParameters& robot) {
-                std::vector<double*> all;
-                for (TendonDriveParameters& drive : robot.actuation->tendons)
-                  all.push_back(&drive.transmission.presliding_m);
-                return all;
-              });
+    for (const bool drawn : {true, false}) {
+      const std::vector<std::size_t> tendons = Tendons(drawn);
+      if (tendons.empty()) continue;
+      AddFactor(drawn ? key : "pull in which the friction of the sheaths turns round", "m",
+                drawn ? Known({key}) : kUnknown, !drawn, [tendons](RobotParameters& robot) {
+                  std::vector<double*> all;
+                  for (const std::size_t j : tendons) all.push_back(&Path(robot, j).presliding_m);
+                  return all;
+                });
+    }
+  }
+
+  static TransmissionParameters& Path(RobotParameters& robot, std::size_t tendon) {
+    return robot.actuation->tendons[tendon].transmission;
+  }
+
+  /// Those whose path the file draws, or the others.
+  std::vector<std::size_t> Tendons(bool drawn) const {
+    std::vector<std::size_t> which;
+    for (std::size_t j = 0; j < robot_.actuation->tendons.size(); ++j)
+      if (robot_.actuation->tendons[j].transmission.pulleys.empty() != drawn) which.push_back(j);
+    return which;
   }
 
   static std::vector<double*> Frictions(TransmissionParameters& path) {
@@ -267,8 +275,8 @@ class Listing {
     }
     Add("lag behind the motors' readings", "s", 1, kLag_s,
         [](PostureRobot& robot, double change) { robot.motor_lag_s += change; });
-    Add(kClockDrift, "s/s", 1, kDrift,
-        [](PostureRobot& robot, double change) { robot.clock_drift += change; });
+    Add(kClockDrift, "s/s", kDrift, 1,
+        [](PostureRobot& robot, double change) { robot.clock_drift += kDrift * change; });
   }
 
   const RobotParameters& robot_;

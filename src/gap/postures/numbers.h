@@ -29,7 +29,7 @@ struct PostureNumber {
   double ChangeTo(const RobotParameters& file, double value) const;
 };
 
-/// A robot of whose tendons' paths the file draws nothing has sheaths there: no path is without friction.
+/// A robot of whose tendons' paths the file draws nothing has sheaths there.
 RobotParameters WithSheaths(RobotParameters robot);
 
 /// Those that are not known exactly. `frame_is_known`: the tracker's readings are in the base frame but for

@@ -1,4 +1,4 @@
-// Means over equal times; motor speeds from one end to the other.
+// Means over equal times.
 #include "states.h"
 
 #include <fmt/format.h>
