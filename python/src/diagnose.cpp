@@ -115,6 +115,9 @@ void AddDiagnose(nb::module_& m) {
       .def_ro("robot", &gap::Calibration::robot);
   m.def("calibrate", &Calibrate, nb::arg("set"), nb::arg("seed"), nb::arg("threads"),
         nb::arg("progress").none());
+  m.def(
+      "posture_states", [](const Set& set) { return gap::PostureStates(*set); }, nb::arg("set"));
+  m.attr("least_posture_states") = gap::kLeastPostures;
   m.def("track", &Track, nb::arg("set"), nb::arg("delta_N"), nb::arg("delta_m"), nb::arg("seed"),
         nb::arg("threads"), nb::arg("discrepancy"), nb::arg("progress").none());
   m.def("report_style", &gap::ReportStyle);

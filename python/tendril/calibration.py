@@ -74,6 +74,8 @@ class Calibration:
     """What was held out in turn: 'kinds of motion', 'runs' or 'quarters of the runs'."""
     iterations: int
     converged: bool
+    not_learned: str
+    """Of a position-controlled robot: why these are not runs of the robot of the file; empty: they are."""
     format: int
     version: str
     correlation: Array = dataclasses.field(repr=False)

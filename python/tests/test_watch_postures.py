@@ -134,8 +134,8 @@ def test_the_same_day_again_and_its_history_are_the_same_alarm(watched, days):
     [
         (["watch", "{days}/short"], "needs 40 (a state is a mean over 0.25 s"),
         (["accept", "{days}/short"], "needs 40 (a state is a mean over 0.25 s"),
-        (["accept", "{days}/no_motor_2"], "no position of motor 2 in a run"),
-        (["watch", "{days}/no_motor_2"], "no position of motor 2 in a run"),
+        (["accept", "{days}/no_motor_2"], "no position of motor 2; accepted: readings of all 3 motors"),
+        (["watch", "{days}/no_motor_2"], "no position of motor 2; accepted: readings of all 3 motors"),
         (["watch", "{days}/with_tensions"], "was accepted by motors and markers alone; accept it with runs like these"),
     ],
 )
@@ -164,46 +164,30 @@ def test_a_day_needs_the_accepted_runs_as_they_were(watched, days, tmp_path):
     assert err.count("\n") == 1
 
 
-def test_states_are_counted_as_the_diagnosis_does(days):
+def test_from_which_states_on_a_robot_is_learned(days):
     """With one state less than it needs, a calibration says that it was not done state by state."""
     table = tendril.DataSet.from_folder(days / "accepted").to_pandas()["02_triangle"].dropna(axis=1, how="all")
     table["t_s"] = [0.25 * row for row in range(len(table))]
-    for count in (postures.LEAST_STATES - 1, postures.LEAST_STATES):
+    least = tendril._core.least_posture_states
+    for count in (least - 1, least):
         runs = tendril.DataSet.from_dataframe(table.iloc[:count], ROBOT)
-        columns = postures.columns(runs)
-        assert postures.shown(columns, runs.robot) and postures.states(columns, runs.robot) == count
-        more = {**columns[0], **{f"disk_{axis}_m_1": columns[0][f"tip_{axis}_m"] for axis in "xyz"}}
-        assert postures.states([*columns, more], runs.robot) == 2 * count
+        assert postures.states(runs) == count
         too_few = any("not calibrated state by state" in note for note in tendril.calibrate(ROBOT, runs).notes)
-        assert too_few == (count < postures.LEAST_STATES)
+        assert too_few == (count < least)
+    assert postures.states(tendril.DataSet.from_folder(days / "with_tensions")) is None
 
 
-def test_a_robot_that_is_not_that_of_the_file_is_not_accepted():
-    table = {f"disk_{axis}_m_2": 0.01 * np.arange(-5, 6) for axis in "xyz"}
-    for missed_m, learned in ((0.001, True), (0.03, False)):
-        channels = [types.SimpleNamespace(name=f"disk 2 {axis}", unit="m", held_out=missed_m) for axis in "xyz"]
-        if learned:
-            assert "disk 2 by 1.7 mm" in postures.require_learned(channels, [table], 4, "runs")[0]
-        else:
-            with pytest.raises(tendril.Error, match="cannot be learned from these runs: it misses disk 2 by 52.0 mm"):
-                postures.require_learned(channels, [table], 4, "runs")
+def test_a_robot_that_is_not_that_of_the_file_is_not_accepted(days, monkeypatch):
+    runs = tendril.DataSet.from_folder(days / "accepted")
+    found = dataclasses.replace(tendril.calibrate(ROBOT, runs), not_learned="The robot cannot be learned. Check. ")
+    monkeypatch.setattr(postures, "calibrate", lambda *_, **__: found)
+    with pytest.raises(tendril.Error, match=r"^runs: The robot cannot be learned\. Check\.$"):
+        postures.learned(dataclasses.replace(entry(0), sources=["runs"]), runs, None)
     tip = [types.SimpleNamespace(name="tip x", unit="m", held_out=0.001)]
     with pytest.raises(tendril.Error, match="runs: compared by 'tip x'.*; record"):
-        postures.require_learned(tip, [table], 4, "runs")
-
-
-def test_states_need_every_motor_and_the_tip_is_the_last_disk(days):
-    robot = tendril.load_robot(ROBOT)
-    whole, without = (
-        postures.columns(tendril.DataSet.from_folder(days / name)) for name in ("accepted", "no_motor_2")
-    )
-    assert postures.states(whole, robot) > 40 and postures.states(without, robot) == 0
-    tip, own = whole[0], dict(whole[0])
-    for axis in "xyz":
-        own[f"disk_{axis}_m_4"] = own.pop(f"tip_{axis}_m")
-    assert postures.states([tip, own], robot) == 2 * postures.states([tip], robot) > 0
-    assert postures.states([tip, {name: own[name] for name in own if name != "disk_z_m_4"}], robot) == 0
-    assert postures.states([tip, {**own, "motor_position_rad_1": np.nan * own["t_s"]}], robot) == 0
+        postures.missed(tip, "runs")
+    turns = [types.SimpleNamespace(name=f"turn of disk 4 about {axis}", unit="rad", held_out=0.1) for axis in "xyz"]
+    assert postures.missed(turns, "runs") == "from orientations alone"
 
 
 def test_what_was_left_out_is_told_with_the_entry_and_what_acceptance_said_is_not_told_again():

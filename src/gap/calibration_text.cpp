@@ -94,6 +94,7 @@ std::string CalibrationText(const Calibration& calibration) {
   if (!calibration.converged)
     notes += fmt::format("  not converged after {} steps: calibrate the new file once more\n",
                          calibration.iterations);
+  if (!calibration.not_learned.empty()) notes += "  " + calibration.not_learned + "\n";
   for (const std::string& note : calibration.notes) notes += "  " + note + "\n";
   part("Notes", notes);
   return text;
@@ -116,6 +117,7 @@ std::string CalibrationJson(const Calibration& calibration) {
             {"version", std::string(Version())},
             {"robot", calibration.robot.name},
             {"converged", calibration.converged},
+            {"not_learned", calibration.not_learned},
             {"iterations", calibration.iterations},
             {"held_out_by", calibration.held_out_by}};
   for (const CalibratedNumber& c : calibration.numbers) {

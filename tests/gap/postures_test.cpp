@@ -429,6 +429,15 @@ TEST(Postures, ARobotThatCannotBeLearnedTellsNothing) {
   for (const Cause& cause : d.causes) {
     EXPECT_TRUE(cause.p <= 0.5 || cause.effect == "unknown") << cause.effect;
   }
+  const auto calibrated_from = [](gap::Run run) {
+    DataSet set;
+    set.robot = Hose();
+    set.runs = {std::move(run)};
+    return Calibrate(set, CalibrateOptions());
+  };
+  const std::string why = calibrated_from(stranger(AsBuilt(), "run", 1)).not_learned;
+  EXPECT_NE(why.find("cannot be learned from these runs"), std::string::npos) << why;
+  EXPECT_EQ(calibrated_from(Moved(AsBuilt(), "run", 1, 15)).not_learned, "");
 }
 
 TEST(Postures, TwoPriorDeviationsAreTheBoundsOfTheRegistry) {
@@ -717,13 +726,25 @@ TEST(Postures, AreOfRunsWithoutTorqueAndTension) {
   gap::Run run = Moved(Hose(), "run", 1, 15);
   DataSet set{"set", Hose(), false, {run}, {}};
   EXPECT_TRUE(ShowsPostures(set));
+  EXPECT_EQ(PostureStates(set), 60);
   EXPECT_TRUE(CanLearnPostures(set));
   EXPECT_FALSE(CanDiagnosePostures(set));  // nothing from before
   const std::vector<CutOfSet> cuts = CutsOf(set);
   EXPECT_TRUE(AnyCut(cuts));
   EXPECT_NE(CutsLine(cuts).find("C4 (with runs from before a change: --before)"), std::string::npos)
       << CutsLine(cuts);
+  set.runs.front().motor_position_rad.col(1).setConstant(kNoReading);
+  try {
+    PostureStates(set);
+    ADD_FAILURE() << "a motor that was not read";
+  } catch (const std::runtime_error& error) {
+    EXPECT_NE(std::string(error.what()).find("run run: no position of motor 2; accepted"), std::string::npos)
+        << error.what();
+  }
+  EXPECT_FALSE(CanLearnPostures(set));
+  set.runs.front() = run;
   set.runs.front().tension_N = Eigen::MatrixXd::Ones(run.time_s.size(), 8);
+  EXPECT_EQ(PostureStates(set), std::nullopt);
   EXPECT_FALSE(ShowsPostures(set));
 }
 

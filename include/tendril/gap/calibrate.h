@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,12 @@
 #include "tendril/gap/data_set.h"
 
 namespace tendril::gap {
+
+/// States, means over a time in which the robot hardly moves, that a set shows of a position-controlled
+/// robot: runs with motor positions and markers, and neither torques nor tensions. Empty: it is none. Throws
+/// std::runtime_error where motors and the same markers are not read together.
+std::optional<int> PostureStates(const DataSet& set);
+inline constexpr int kLeastPostures = 40;  // from which the numbers of such a robot can be inferred
 
 struct CalibrateOptions {
   int threads = 0;         // 0: all cores
@@ -56,6 +63,8 @@ struct Calibration {
   std::string held_out_by;         // "kinds of motion"
   int iterations = 0;
   bool converged = false;
+  /// Why these are not runs of the robot of the file, if it is position-controlled; empty: they are.
+  std::string not_learned;
   std::vector<std::string> notes;  // what was left out of the set, and why
 };
 

@@ -34,6 +34,11 @@ double CapstanRatioAtZero(const PulleyParameters& pulley);
 double CapstanRatio(const PulleyParameters& pulley, double base_tension_N, bool release,
                     double low_tension_N = 0);
 
+/// A steel tendon in a polymer sheath that turns it through this angle [rad].
+inline PulleyParameters Sheath(double wrap_rad) {
+  return {.law = CapstanLaw::kClassic, .wrap_rad = wrap_rad, .radius_ratio = 10, .alpha = 0.15};
+}
+
 /// ln of the motor-side over the base tension while the motor pulls, to first order in the friction:
 /// the sum of alpha wrap over the pulleys of the classic law, of alpha rho / (1 + rho) wrap T^(n-1) over the
 /// others. Smooth in all their numbers, and without a solver.

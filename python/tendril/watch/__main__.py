@@ -117,7 +117,7 @@ def accept(o: argparse.Namespace) -> int:
             delta_N=o.delta_N,
             delta_m=None if o.delta_mm is None else 1e-3 * o.delta_mm,
         )
-        if postures.shown(postures.columns(runs), runs.robot):
+        if postures.states(runs) is not None:
             entry = postures.learned(entry, runs, line)
         else:
             entry = day.measured(entry, runs, None, line)

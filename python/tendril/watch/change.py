@@ -58,6 +58,13 @@ class Change:
     material: float
     """The amount that matters."""
 
+    @classmethod
+    def of(cls, key: Key, unit: str, amount: float, deviation: float, **how: Any) -> Change:
+        """Of a number: by `amount`, with its standard deviation."""
+        spread = TWO_SIDED_95 * deviation
+        ci = (amount - spread, amount + spread)
+        return cls(effect=key.effect, where=key.where, name=key.name, unit=unit, amount=amount, ci=ci, **how)
+
     @property
     def alarm(self) -> bool:
         return abs(self.amount) >= self.material
@@ -132,14 +139,11 @@ def _change(key: Key, number: Number, before: float, days: Sequence[Entry], limi
     # Found; every entry may be where it began.
     z, shape, onset, amount, deviation = max(_significance(course, onset) for onset in range(len(having)))
     last = float(dict(course.shapes(onset))[shape][-1])
-    now, spread = amount * last, TWO_SIDED_95 * deviation * last
-    return Change(
-        effect=key.effect,
-        where=key.where,
-        name=key.name,
-        unit=number.unit,
-        amount=now,
-        ci=(now - spread, now + spread),
+    return Change.of(
+        key,
+        number.unit,
+        amount * last,
+        deviation * last,
         shape=shape,
         since=float(course.at[onset]),
         per_day=amount if shape == "drift" else None,

@@ -36,6 +36,7 @@ class Calibrating {
 
   Calibration Result() {
     found_.converged = learned_.converged;
+    if (!learned_.Predicts()) found_.not_learned = NotLearnedText(learned_, postures_, "these runs");
     found_.iterations = learned_.steps;
     found_.held_out_by = "quarters of the runs";
     for (const auto& [key, uncertainty] : file_.uncertain) {

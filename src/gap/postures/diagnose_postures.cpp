@@ -60,7 +60,7 @@ class Diagnosing {
     Closures();
     Overlays();
     Limits();
-    const std::string preface = posterior_.not_learned ? NotLearnedText()
+    const std::string preface = posterior_.not_learned ? NotLearnedText(learned_, before_, "the runs before")
                                 : d_.suspected.empty() ? Preface(d_)
                                                        : NumbersText();
     d_.sentence = WithLeftOut(preface + Sentence(d_, set_.robot, ""), set_.notes, d_.runs.size());
@@ -208,16 +208,6 @@ class Diagnosing {
     }
   }
 
-  std::string NotLearnedText() const {
-    return fmt::format(
-        "The robot cannot be learned from the runs before: it misses its disks by {} in states that it was "
-        "not "
-        "fitted to, where they move by {}. Check lengths, holes, directions of motors and the frame in robot "
-        "file and map, and give each disk more units. ",
-        PointsText([&](int p) { return learned_.Floor(p); }),
-        PointsText([&](int p) { return learned_.Motion(p); }));
-  }
-
   std::string NumbersText() const {
     std::string numbers;
     for (const SuspectNumber& number : d_.suspected) {
@@ -337,7 +327,7 @@ class Diagnosing {
     d_.degradations.push_back(fmt::format(
         "the robot as learned from the runs before misses its disks by {} in states that it was not "
         "fitted to: the floor",
-        PointsText([&](int p) { return learned_.Floor(p); })));
+        PointsText(before_, [&](int p) { return learned_.Floor(p); })));
     d_.degradations.push_back("its numbers furthest from the file: " + NumbersMoved());
     if (std::string drift = ClockDriftText(learned_); !drift.empty())
       d_.degradations.push_back(std::move(drift));
@@ -365,22 +355,6 @@ class Diagnosing {
     for (std::size_t k = 0; k < std::min(kNamed, moved.size()); ++k)
       text += (k > 0 ? ", " : "") + moved[k].second;
     return text;
-  }
-
-  /// "1.4 / 3.8 mm and 1.2 deg", of a value in metres by point.
-  template <class Value>
-  std::string PointsText(Value value_m) const {
-    std::string places, turns;
-    for (int p = 0; p < static_cast<int>(before_.points.size()); ++p) {
-      const bool turn = before_.IsTurn(3 * p);
-      std::string& text = turn ? turns : places;
-      const double value = value_m(p) / before_.PerUnit(3 * p);
-      text += fmt::format("{}{:.1f}", text.empty() ? "" : " / ",
-                          turn ? value * 180 / std::numbers::pi : 1e3 * value);
-    }
-    if (!places.empty()) places += " mm";
-    if (!turns.empty()) turns += " deg";
-    return places + (places.empty() || turns.empty() ? "" : " and ") + turns;
   }
 
   Diagnosis d_;

@@ -6,6 +6,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <stdexcept>
 
 namespace tendril::gap {
@@ -237,6 +238,13 @@ class Learning {
 
 }  // namespace
 
+std::optional<int> PostureStates(const DataSet& set) {
+  if (!ShowsPostures(set)) return std::nullopt;
+  std::vector<const Run*> runs;
+  for (const Run& run : set.runs) runs.push_back(&run);
+  return PosturesOf(runs, set.robot).states();
+}
+
 bool EnoughPostures(const std::vector<const Run*>& runs, const RobotParameters& robot) {
   if (runs.empty()) return false;
   try {
@@ -272,6 +280,37 @@ double PointRms(const Eigen::MatrixXd& residuals_m, int point) {
 
 double ChannelRms(const Eigen::MatrixXd& residuals_m, Eigen::Index channel) {
   return std::sqrt(residuals_m.col(channel).squaredNorm() / static_cast<double>(residuals_m.rows()));
+}
+
+bool LearnedPostures::Predicts() const {
+  constexpr double kMostMissed = 0.5;  // of the motion: a quarter of its variance
+  for (int p = 0; p < motion_m.size(); ++p) {
+    if (Floor(p) < kMostMissed * Motion(p)) return true;
+  }
+  return false;
+}
+
+std::string PointsText(const Postures& postures, const std::function<double(int point)>& value_m) {
+  std::string places, turns;
+  for (int p = 0; p < static_cast<int>(postures.points.size()); ++p) {
+    const bool turn = postures.IsTurn(3 * p);
+    std::string& text = turn ? turns : places;
+    const double value = value_m(p) / postures.PerUnit(3 * p);
+    text += fmt::format("{}{:.1f}", text.empty() ? "" : " / ",
+                        turn ? value * 180 / std::numbers::pi : 1e3 * value);
+  }
+  if (!places.empty()) places += " mm";
+  if (!turns.empty()) turns += " deg";
+  return places + (places.empty() || turns.empty() ? "" : " and ") + turns;
+}
+
+std::string NotLearnedText(const LearnedPostures& learned, const Postures& postures, const char* runs) {
+  return fmt::format(
+      "The robot cannot be learned from {}: it misses its disks by {} in states that it was not fitted to, "
+      "where they move by {}. Check lengths, holes, directions of motors and the frame in robot file and "
+      "map, and give each disk more units. ",
+      runs, PointsText(postures, [&](int p) { return learned.Floor(p); }),
+      PointsText(postures, [&](int p) { return learned.Motion(p); }));
 }
 
 std::string ClockDriftText(const LearnedPostures& learned) {

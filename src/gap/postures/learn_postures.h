@@ -8,10 +8,9 @@
 #include <vector>
 
 #include "numbers.h"
+#include "tendril/gap/calibrate.h"
 
 namespace tendril::gap {
-
-inline constexpr int kLeastPostures = 40;  // states from which the numbers of a robot can be inferred
 
 /// These runs, which show postures, show that many.
 bool EnoughPostures(const std::vector<const Run*>& runs, const RobotParameters& robot);
@@ -54,12 +53,19 @@ struct LearnedPostures {
   double Floor(int point) const;
   /// Rms distance of a point (from 0) from its mean over the states [m].
   double Motion(int point) const { return motion_m[point]; }
+  /// Some point is predicted to better than half of its motion: otherwise this is not the robot of the runs.
+  bool Predicts() const;
 };
 
 /// Rms distance of a point (from 0) over the rows of S x C residuals [m].
 double PointRms(const Eigen::MatrixXd& residuals_m, int point);
 /// Of one channel, rms of the same.
 double ChannelRms(const Eigen::MatrixXd& residuals_m, Eigen::Index channel);
+
+/// A value in metres of each point, in words: "1.4 / 3.8 mm and 1.2 deg".
+std::string PointsText(const Postures& postures, const std::function<double(int point)>& value_m);
+/// Why a robot that does not Predict was not learned from `runs`, and what to check.
+std::string NotLearnedText(const LearnedPostures& learned, const Postures& postures, const char* runs);
 
 /// What was learned of a tracker's clock that drifts against the motors', as a line; empty where it does not
 /// by more than three standard deviations.

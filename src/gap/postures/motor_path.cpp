@@ -41,8 +41,8 @@ Eigen::RowVectorXd AngleAt(const States& run, double time_s) {
 
 Eigen::MatrixXd AnglesBefore(const States& run, double lag_s, double drift) {
   Eigen::MatrixXd angle = run.motor_rad;
-  const auto alone = std::count_if(run.rows.begin(), run.rows.end(), [](auto its) { return its.count < 2; });
-  if (2 * alone > std::ssize(run.rows)) return angle;
+  const auto single = std::count_if(run.rows.begin(), run.rows.end(), [](auto its) { return its.count < 2; });
+  if (2 * single > std::ssize(run.rows)) return angle;
   for (Eigen::Index state = 0; state < std::ssize(run.rows); ++state) {
     const States::Rows its = run.rows[static_cast<std::size_t>(state)];
     Eigen::RowVectorXd moved = Eigen::RowVectorXd::Zero(angle.cols());

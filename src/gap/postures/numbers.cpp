@@ -10,6 +10,7 @@
 
 #include "../free_numbers.h"
 #include "tendril/config/keys.h"
+#include "tendril/model/capstan.h"
 
 namespace tendril::gap {
 namespace {
@@ -22,10 +23,10 @@ constexpr double kAnyWay_rad = 1.5;     // of a base whose mount is unknown
 constexpr double kLag_s = 0.1;
 constexpr double kDrift = 1e-3;  // of a camera: 29.97 frames a second are often written 30
 const Uncertainty kUnknown{Uncertainty::Kind::kUnknown, 0};
-// Of a polymer sheath with a steel tendon: friction coefficient, wrap, by which it takes a tenth of the
-// tension, and the pull in which friction turns round, mostly by the tendon's stretch.
-constexpr double kSheathAlpha = 0.15, kSheath_rad = 0.7, kSheathPresliding_m = 3e-4;
-constexpr double kSheathWithin = 2;  // deviation, of the wrap: from none to a winding sheath's
+// Of a sheath that no file draws: its wrap, which takes a tenth of the tension, and the pull in which
+// friction turns round, mostly by the tendon's stretch.
+constexpr double kSheath_rad = 0.7, kSheathPresliding_m = 3e-4;
+constexpr double kSheathWithin = 2;  // deviation of the wrap, in wraps: from none to a winding sheath's
 constexpr double kPlaced = 0.01,
                  kPlaced_rad = 0.02;  // of a tracker placed with care: of the length, and turned
 constexpr double kGuessed = 0.5, kGuessed_rad = 0.5;  // of one whose frame was read from the data
@@ -170,7 +171,8 @@ class Listing {
               });
   }
 
-  /// Sheaths of one robot are alike. Not a factor, since a path may well have no friction.
+  /// Sheaths of one robot are alike. Not a factor, since a path may well have no friction; what is learned
+  /// may come out a little below that.
   void OfSheaths() {
     const std::vector<std::size_t> bare = Tendons(false);
     if (bare.empty()) return;
@@ -290,8 +292,7 @@ class Listing {
 RobotParameters WithSheaths(RobotParameters robot) {
   for (TendonDriveParameters& drive : robot.actuation->tendons) {
     if (!drive.transmission.pulleys.empty()) continue;
-    drive.transmission.pulleys = {
-        {.law = CapstanLaw::kClassic, .wrap_rad = kSheath_rad, .alpha = kSheathAlpha}};
+    drive.transmission.pulleys = {model::Sheath(kSheath_rad)};
     drive.transmission.presliding_m = kSheathPresliding_m;
   }
   return robot;

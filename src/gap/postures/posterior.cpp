@@ -36,7 +36,7 @@ class Weighing {
 
   ChangePosterior Result() {
     const double gap = WeighHypotheses();
-    p_.not_learned = TooLittleLearned();
+    p_.not_learned = !learned_.Predicts();
     // No hypothesis is certain.
     const double shown = gap >= 0.5 ? gap : kUnseen + (1 - 2 * kUnseen) * gap;
     for (double& its : p_.fits) its *= (1 - kLapse) * (gap > 0 ? shown / gap : 0);
@@ -70,15 +70,6 @@ class Weighing {
       gap += p_.fits.back();
     }
     return gap;
-  }
-
-  /// Where the learned robot predicts no point better than a quarter of its variance, it is not this robot.
-  bool TooLittleLearned() const {
-    constexpr double kLeastExplained = 0.75;
-    for (int p = 0; p < points(); ++p) {
-      if (std::pow(learned_.Floor(p) / learned_.Motion(p), 2) < 1 - kLeastExplained) return false;
-    }
-    return true;
   }
 
   /// Nothing is likelier than not.

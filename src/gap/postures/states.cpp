@@ -271,6 +271,12 @@ Postures PosturesOf(const std::vector<const Run*>& runs, const RobotParameters& 
   if (postures.points.empty())
     throw std::runtime_error("no disk is seen in all of these runs; accepted: runs of the same markers");
   for (const Run* run : runs) {
+    for (Eigen::Index j = 0; j < run->motor_position_rad.cols(); ++j) {
+      if (!Read(run->motor_position_rad.col(j)))
+        throw std::runtime_error(fmt::format(
+            "run {}: no position of motor {}; accepted: readings of all {} motors (check the map's columns)",
+            run->name, j + 1, run->motor_position_rad.cols()));
+    }
     postures.runs.push_back(Averaging(*run, postures.points, disks).Result());
     if (postures.runs.back().time_s.size() == 0) {
       throw std::runtime_error(fmt::format(

@@ -212,8 +212,8 @@ const section = (id, title, short, caption, build) => {
   nav.append(el('a', {href: '#' + id}, short));
 };
 
-// What the runs are compared with: where the robot was learned from runs before, that one.
-const nominal = Object.values((report.closed || {}).channels || {}).some(c => c.as_filed != null) ? 'robot from before' : 'nominal simulation';
+// What the runs are compared with: the robot as learned from runs before, where it was.
+const nominal = Object.values((report.closed || {}).channels || {}).some(c => c.as_filed != null) ? 'robot as learned' : 'nominal simulation';
 const strokeSample = {
   measured: ['measured', 'line measured'], before: [nominal, 'line before'], 'before-solid': [nominal, 'line before solid'], after: [`simulation with ${report.accepted.length ? 'the cause' : 'the best model'}`, 'line after'],
 };

@@ -2,13 +2,9 @@
 #include <algorithm>
 
 #include "common.h"
+#include "tendril/model/capstan.h"
 
 namespace tendril::sim {
-namespace {
-
-constexpr double kSheathAlpha = 0.15;  // of a steel tendon in a polymer sheath
-
-}  // namespace
 
 Effect WrapAngle() {
   return {
@@ -24,8 +20,8 @@ Effect WrapAngle() {
       .physics =
           "Friction grows with the angle that the tendon is turned through: a pulley out of place, a "
           "bent sheath or an edge that it drags over add extra_rad to the wrap (shared by the pulleys "
-          "of the path; never less than none). On a path drawn without pulleys it is a sheath with the "
-          "friction coefficient 0.15.",
+          "of the path; never less than none). On a path drawn without pulleys it is a steel tendon in a "
+          "polymer sheath, with the friction coefficient 0.15.",
       .signature =
           "Like a larger friction coefficient: tension lost between motor and robot, in a loop between "
           "pulling and paying out.",
@@ -37,9 +33,7 @@ Effect WrapAngle() {
           [](RobotParameters& robot, Target target, std::span<const double> v) {
             ForTendons(robot, target, [&](TendonDriveParameters& tendon) {
               auto& pulleys = tendon.transmission.pulleys;
-              if (pulleys.empty() && v[0] > 0) {
-                pulleys.push_back({.law = CapstanLaw::kClassic, .radius_ratio = 10, .alpha = kSheathAlpha});
-              }
+              if (pulleys.empty() && v[0] > 0) pulleys = {model::Sheath(0)};
               for (PulleyParameters& pulley : pulleys) {
                 pulley.wrap_rad = std::max(0.0, pulley.wrap_rad + v[0] / static_cast<double>(pulleys.size()));
               }
