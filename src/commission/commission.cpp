@@ -61,8 +61,10 @@ class Procedure {
     for (const SectionParameters& s : robot.body.sections) {
       for (const TendonRoute& t : s.tendons) angles_rad_.push_back(t.angle_rad);
     }
-    for (int j = 0; j < m; ++j) {
+    for (int i = 0; i < robot.actuation->drives(); ++i) {
+      const int j = robot.actuation->TendonOf(i);
       const TendonDriveParameters& t = Drive(j);
+      driven_.push_back(j);
       DriveFinding f;
       f.tendon = j + 1;
       for (const NodeParameters& n : daemon.bus.nodes) {
@@ -85,22 +87,25 @@ class Procedure {
   CommissionResult Run() {
     Step();
     start_ = record_->input;
-    counts_.assign(result_.drives.size(), 0);
+    counts_.assign(static_cast<std::size_t>(tendons()), 0);
     for (std::size_t j = 0; j < counts_.size(); ++j) last_counts_.push_back(start_.drive[j].position_counts);
     Release(0.3);
-    for (int j = 0; j < drives(); ++j) FindSigns(j);
-    for (int j = 0; j < drives(); ++j) Measure(j);
-    for (int j = 0; j < drives(); ++j) Conclude(j);
+    for (const int j : driven_) FindSigns(j);
+    for (const int j : driven_) Measure(j);
+    for (const int j : driven_) Conclude(j);
     TakeUpAll();
     return result_;
   }
 
  private:
-  int drives() const { return static_cast<int>(result_.drives.size()); }
+  int tendons() const { return robot_.body.tendons(); }
   const TendonDriveParameters& Drive(int j) const {
     return robot_.actuation->tendons[static_cast<std::size_t>(j)];
   }
-  DriveFinding& Finding(int j) { return result_.drives[static_cast<std::size_t>(j)]; }
+  /// Of the drive that pulls tendon j, of a pair its first.
+  DriveFinding& Finding(int j) {
+    return result_.drives[static_cast<std::size_t>(robot_.actuation->DriveOf(j))];
+  }
 
   // Least reading of the cell, on its side of the pulleys, for a pull that ended pulling.
   double ExpectedN(int j, double pull_N) const {
@@ -142,7 +147,7 @@ class Procedure {
   void Release(double seconds) {
     PullOnly(-1, 0);
     // A link may lag.
-    while (record_->output.tension_desired_base_N.size() == drives() &&
+    while (record_->output.tension_desired_base_N.size() == tendons() &&
            record_->output.tension_desired_base_N.cwiseAbs().maxCoeff() > 1e-9) {
       Step();
     }
@@ -150,14 +155,14 @@ class Procedure {
   }
 
   Reading Average(double seconds) {
-    Reading sum{TendonVector::Zero(drives()), TendonVector::Zero(drives()), TendonVector::Zero(drives()),
+    Reading sum{TendonVector::Zero(tendons()), TendonVector::Zero(tendons()), TendonVector::Zero(tendons()),
                 Eigen::Vector3d::Zero(), 0};
     int count = 0;
     for (const double end_s = Now() + seconds; Now() < end_s || count == 0;) {
       Step();
       ++count;
       sum.cell_N += record_->output.tension_measured_N;
-      for (int j = 0; j < drives(); ++j) {
+      for (int j = 0; j < tendons(); ++j) {
         sum.travel_m[j] += TravelM(j);
         sum.torque_N[j] += record_->output.torque_measured_Nm[j] / Drive(j).SpoolTravelPerMotorRad();
       }
@@ -204,7 +209,10 @@ class Procedure {
 
   // The cell that rose by this pull's tension: its own if it did, else the one that rose most. -1: none.
   int CellThatRose(int j, const Reading& before, const Reading& after) {
-    const TendonVector change_N = after.cell_N - before.cell_N;
+    TendonVector change_N = after.cell_N - before.cell_N;
+    for (int k = 0; k < tendons(); ++k) {
+      if (!Finding(k).has_cell) change_N[k] = 0;
+    }
     const double answer_N = kAnswer * ExpectedN(j, take_up_.pull_N);
     if (Finding(j).has_cell && change_N[j] > answer_N) return j;
     Eigen::Index most = 0;
@@ -294,8 +302,29 @@ class Procedure {
     } else if (const auto seen = ask_(f.tendon, [this] { Step(); })) {
       f.seen_angle_rad = Turn(*seen);
     }
+    TurnPair(f);
     Release(0.1);
     Loosen(j);
+  }
+
+  // A motor that pulls a pair stands either way, and only the bend shows which of the two it pulls.
+  void TurnPair(DriveFinding& f) const {
+    if (std::isnan(f.seen_angle_rad)) return;
+    const int nearest = NearestTendon(f.seen_angle_rad);
+    if (robot_.actuation->HasDrive(nearest)) return;
+    f.torque_sign = -f.torque_sign;
+    f.encoder_sign = -f.encoder_sign;
+    f.seen_angle_rad = Turn(f.seen_angle_rad + std::numbers::pi);
+  }
+  int NearestTendon(double angle_rad) const {
+    int nearest = 0;
+    for (int k = 1; k < static_cast<int>(angles_rad_.size()); ++k) {
+      if (Off(k, angle_rad) < Off(nearest, angle_rad)) nearest = k;
+    }
+    return nearest;
+  }
+  double Off(int tendon, double angle_rad) const {
+    return std::abs(Turn(angle_rad - angles_rad_[static_cast<std::size_t>(tendon)]));
   }
 
   // ---- conclusions ----
@@ -404,13 +433,11 @@ class Procedure {
           "degrees");
       return;
     }
-    double nearest = 1e9, neighbours = 2 * std::numbers::pi;
+    const int seen = NearestTendon(f.seen_angle_rad);
+    const double nearest = Off(seen, f.seen_angle_rad);
+    f.seen_tendon = seen + 1;
+    double neighbours = 2 * std::numbers::pi;
     for (std::size_t k = 0; k < angles_rad_.size(); ++k) {
-      const double off = std::abs(Turn(f.seen_angle_rad - angles_rad_[k]));
-      if (off < nearest) {
-        nearest = off;
-        f.seen_tendon = static_cast<int>(k) + 1;
-      }
       for (std::size_t i = 0; i < k; ++i)
         neighbours = std::min(neighbours, std::abs(Turn(angles_rad_[k] - angles_rad_[i])));
     }
@@ -433,7 +460,8 @@ class Procedure {
   void TakeUpAll() {
     pull_N_.setZero();
     for (const DriveFinding& f : result_.drives) {
-      if (f.torque_sign != 0 && f.encoder_sign != 0) {
+      const bool loose = robot_.actuation->PairOf(f.tendon - 1) == nullptr;
+      if (loose && f.torque_sign != 0 && f.encoder_sign != 0) {
         pull_N_[f.tendon - 1] = f.torque_sign * (f.friction_N + kWeakPull * (take_up_.pull_N - f.friction_N));
       }
     }
@@ -449,6 +477,7 @@ class Procedure {
   const std::function<void(const std::string&)>& tell_;
   const std::vector<std::shared_ptr<const model::CapstanTable>> tables_;
   std::vector<double> angles_rad_;
+  std::vector<int> driven_;  // tendons with a drive
   CommissionResult result_;
   const CycleRecord* record_ = nullptr;
   CycleInput start_;

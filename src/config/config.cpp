@@ -129,8 +129,11 @@ void WriteActuation(Writer& out, ActuationParameters& p) {
   out.BeginBlock("actuation");
   if (!p.tendons.empty()) {
     std::vector<long long> nodes;
-    for (const TendonDriveParameters& t : p.tendons) nodes.push_back(t.node_id);
+    for (std::size_t j = 0; j < p.tendons.size(); ++j) {
+      if (p.HasDrive(static_cast<int>(j))) nodes.push_back(p.tendons[j].node_id);
+    }
     out.Integers("nodes", nodes, {}, {}, {});
+    if (!p.pairs.empty()) DescribePairs(out, p.pairs);
     Describe(out, p.tendons.front());
     const std::string common = BlocksOf(p.tendons.front());
     bool open = false;
@@ -235,15 +238,25 @@ void CheckNodes(const DaemonParameters& daemon, const RobotParameters& robot,
               node.node_id, node.tendon, robot.name, tendons));
     }
   }
+  for (const NodeParameters& node : daemon.bus.nodes) {
+    const TendonPair* pair = robot.actuation->PairOf(node.tendon - 1);
+    if (robot.actuation->HasDrive(node.tendon - 1)) continue;
+    throw ErrorAt(
+        daemon_path, "bus.nodes",
+        fmt::format("node {} pulls tendon {} of {}, whose motor is that of tendon {}; accepted: one "
+                    "node for a pair, at its first tendon; remove it",
+                    node.node_id, node.tendon, robot.name, pair->first + 1));
+  }
   for (int tendon = 1; tendon <= tendons; ++tendon) {
+    if (!robot.actuation->HasDrive(tendon - 1)) continue;
     const auto pulls = [&](const NodeParameters& node) { return node.tendon == tendon; };
     const auto count = std::count_if(daemon.bus.nodes.begin(), daemon.bus.nodes.end(), pulls);
     if (count != 1) {
       throw ErrorAt(
           daemon_path, "bus.nodes",
           fmt::format(
-              "tendon {} of {} has {} nodes; accepted: every tendon 1 .. {} exactly once; correct the "
-              "list",
+              "tendon {} of {} has {} nodes; accepted: every tendon 1 .. {} exactly once, of a pair the "
+              "first; correct the list",
               tendon, robot.name, count, tendons));
     }
   }

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -170,10 +171,74 @@ inline void CheckTendon(Reader& io, int j, const TendonDriveParameters& p, const
 }
 
 template <class Io>
-void DescribeNodeIds(Io& io, std::vector<long long>& nodes, int tendons) {
-  io.Integers(
-      "nodes", nodes, {1, 127}, {static_cast<double>(tendons), static_cast<double>(tendons)},
-      "CANopen node of each tendon's drive, in tendon order, all different; tendril-plant answers as these.");
+void Describe(Io& io, TendonPair& p) {
+  std::vector<long long> tendons{p.first + 1, p.second + 1};
+  io.Integers("tendons", tendons, {1, kMaxTendons}, {2, 2},
+              "The tendon that a positive motor angle pulls, and the opposite one.");
+  io.Number("pretension_N", p.pretension_N, {1e-3, 10000},
+            "Tension of both at the base of the straight robot while the motor does not pull; above "
+            "limits.min_tension_N.");
+  p.first = static_cast<int>(tendons[0]) - 1;
+  p.second = static_cast<int>(tendons[1]) - 1;
+}
+
+template <class Io>
+void DescribePairs(Io& io, std::vector<TendonPair>& pairs) {
+  io.List("pairs", pairs, {0, kMaxTendons / 2},
+          "Opposite tendons on one motor, wound in opposite directions.");
+}
+
+template <class Io>
+void DescribeNodeIds(Io& io, std::vector<long long>& nodes, int drives) {
+  io.Integers("nodes", nodes, {1, 127}, {static_cast<double>(drives), static_cast<double>(drives)},
+              "CANopen node of each drive, in tendon order, all different; a pair has one, that of its first "
+              "tendon. tendril-plant answers as these.");
+}
+
+inline std::string TendonsText(const TendonPair& pair) {
+  return fmt::format("tendons {} and {}", pair.first + 1, pair.second + 1);
+}
+
+/// Rules of the pairs among the tendons of `body`.
+inline void CheckPairs(Reader& io, const std::vector<TendonPair>& pairs, const BodyParameters& body,
+                       const LimitParameters& limits) {
+  // Degrees and share by which holes made to be opposite may miss each other.
+  constexpr double kOpposite_rad = 0.05, kSameRadius = 0.02;
+  std::vector<int> section_of;
+  for (std::size_t k = 0; k < body.sections.size(); ++k)
+    section_of.insert(section_of.end(), body.sections[k].tendons.size(), static_cast<int>(k));
+  std::vector<int> used(section_of.size(), 0);
+  for (const TendonPair& pair : pairs) {
+    const auto refuse_unless = [&](bool good, const std::string& what, const std::string& accepted) {
+      io.Check(good, "pairs",
+               fmt::format("{} {}; accepted: {}; correct the pair", TendonsText(pair), what, accepted));
+    };
+    const int last = std::max(pair.first, pair.second), most = static_cast<int>(section_of.size());
+    refuse_unless(last < most, fmt::format("are a pair, and the robot has {}", most),
+                  fmt::format("two of the tendons 1 .. {}", most));
+    const auto first = static_cast<std::size_t>(pair.first), second = static_cast<std::size_t>(pair.second);
+    refuse_unless(++used[first] == 1 && ++used[second] == 1, "are a pair, and one of them is in two",
+                  "every tendon in one pair at most");
+    refuse_unless(section_of[first] == section_of[second],
+                  fmt::format("belong to sections {} and {}", section_of[first] + 1, section_of[second] + 1),
+                  "two tendons of one section");
+    const TendonRoute &a = body.RouteOf(pair.first), &b = body.RouteOf(pair.second);
+    const double off_rad = std::remainder(a.angle_rad + std::numbers::pi - b.angle_rad, 2 * std::numbers::pi);
+    const double a_end_m = a.end_radius_m.value_or(a.radius_m), b_end_m = b.end_radius_m.value_or(b.radius_m);
+    const bool alike = std::abs(a.radius_m - b.radius_m) <= kSameRadius * a.radius_m &&
+                       std::abs(a_end_m - b_end_m) <= kSameRadius * a_end_m &&
+                       a.turn_rad_per_m == b.turn_rad_per_m && a.ends_at_disk == b.ends_at_disk;
+    refuse_unless(
+        std::abs(off_rad) <= kOpposite_rad && alike,
+        "do not lie opposite each other, so one motor would stretch or slacken both",
+        fmt::format("holes {:.0f}° apart within {:.2g}°, at the same radius within {:.0f} %, to the "
+                    "same disk",
+                    180., kOpposite_rad * 180 / std::numbers::pi, 100 * kSameRadius));
+    refuse_unless(pair.pretension_N > limits.min_tension_N && pair.pretension_N < limits.max_tension_base_N,
+                  fmt::format("have a pretension of {} N", pair.pretension_N),
+                  fmt::format("between limits.min_tension_N, {} N, and max_tension_base_N, {} N",
+                              limits.min_tension_N, limits.max_tension_base_N));
+  }
 }
 
 template <class Io>
@@ -186,6 +251,8 @@ inline void DescribeActuation(Lister& io, ActuationParameters& p) {
   std::vector<long long> nodes;
   io.MayBeLeftOut("1, 2, ... in tendon order");
   DescribeNodeIds(io, nodes, kMaxTendons);
+  io.MayBeLeftOut("a motor for every tendon");
+  DescribePairs(io, p.pairs);
   TendonDriveParameters drive;
   Describe(io, drive);
   io.MayBeLeftOut("all tendons alike");
@@ -195,30 +262,58 @@ inline void DescribeActuation(Lister& io, ActuationParameters& p) {
   DescribeTracker(io, p.tracker);
 }
 
+/// What the second tendon of a pair has from the first's drive.
+inline void ShareDrive(Reader& io, const TendonPair& pair, std::vector<TendonDriveParameters>& tendons) {
+  const TendonDriveParameters& first = tendons[static_cast<std::size_t>(pair.first)];
+  TendonDriveParameters& second = tendons[static_cast<std::size_t>(pair.second)];
+  io.Check(first.load_cell.place == LoadCellPlace::kNone && second.load_cell.place == LoadCellPlace::kNone,
+           "pairs",
+           fmt::format("{} have a load cell, and a drive has one analog input for the two; accepted: "
+                       "load_cell.place: none; correct it in per_tendon",
+                       TendonsText(pair)));
+  const bool same = first.motor == second.motor && first.drive == second.drive && first.gear == second.gear &&
+                    first.spool == second.spool;
+  io.Check(same, "pairs",
+           fmt::format("{} have one motor, drive, gear and spool, and per_tendon gives them different ones; "
+                       "accepted: those of tendon {}; remove the others",
+                       TendonsText(pair), pair.first + 1));
+  second.motor = first.motor;
+  second.drive = first.drive;
+  second.gear = first.gear;
+  second.spool = first.spool;
+  second.node_id = first.node_id;
+}
+
 /// All tendons' drivetrains: the common blocks, overridden per tendon.
-inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tendons,
+inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, const BodyParameters& body,
                           const LimitParameters& limits, ActuationParameters& p) {
+  const int tendons = body.tendons();
   const Source& source = io.source();
   const Layer& common = layers.back();
 
   Reader top(source, {common});
   DescribeTracker(top, p.tracker);
+  p.pairs.clear();
+  if (top.Has("pairs")) DescribePairs(top, p.pairs);
+  CheckPairs(top, p.pairs, body, limits);
+  const int drives = tendons - static_cast<int>(p.pairs.size());
   std::vector<long long> nodes;
   if (top.Has("nodes")) {
-    DescribeNodeIds(top, nodes, tendons);
+    DescribeNodeIds(top, nodes, drives);
     for (std::size_t j = 0; j < nodes.size(); ++j) {
       top.Check(
           std::count(nodes.begin(), nodes.end(), nodes[j]) == 1, "nodes",
-          fmt::format("node {} twice; accepted: one id 1 .. 127 a tendon, all different; correct the list",
+          fmt::format("node {} twice; accepted: one id 1 .. 127 a drive, all different; correct the list",
                       nodes[j]));
     }
   } else {
-    for (int j = 1; j <= tendons; ++j) nodes.push_back(j);
+    for (int j = 1; j <= drives; ++j) nodes.push_back(j);
   }
   std::vector<Layer> overrides;
   if (top.Has("per_tendon")) overrides = top.Children("per_tendon");
 
   p.tendons.clear();
+  std::size_t drive_at = 0;
   std::vector<Layer> own(static_cast<std::size_t>(tendons));
   for (const Layer& map : overrides) {
     const Reader keys_once(source, {map});
@@ -241,13 +336,14 @@ inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, int tend
     if (mine.line > 0) both.push_back(mine);
     both.push_back(common);
     Reader reader(source, std::move(both));
-    for (const char* key : {"tracker", "nodes", "per_tendon"}) reader.AllowInCommon(key);
+    for (const char* key : {"tracker", "nodes", "per_tendon", "pairs"}) reader.AllowInCommon(key);
     TendonDriveParameters& drive = p.tendons.emplace_back();
     Describe(reader, drive);
     reader.Finish();
     CheckTendon(reader, j, drive, limits);
-    drive.node_id = static_cast<int>(nodes[static_cast<std::size_t>(j - 1)]);
+    if (p.HasDrive(j - 1)) drive.node_id = static_cast<int>(nodes[drive_at++]);
   }
+  for (const TendonPair& pair : p.pairs) ShareDrive(top, pair, p.tendons);
 }
 
 }  // namespace tendril::config

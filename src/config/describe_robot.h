@@ -80,7 +80,7 @@ void Describe(Io& io, RobotParameters& p) {
     if (p.body.sections.empty() || !io.Has("limits") || !io.Has("actuation")) {
       io.Allow("actuation");
     } else {
-      ReadActuation(io, io.Children("actuation"), p.body.tendons(), p.limits, p.actuation.emplace());
+      ReadActuation(io, io.Children("actuation"), p.body, p.limits, p.actuation.emplace());
     }
     for (std::size_t k = 0; k < p.body.sections.size(); ++k) {
       const SectionParameters& section = p.body.sections[k];

@@ -126,8 +126,7 @@ struct Controller::Impl {
                       .gather_s = reference.gather_s(),
                       .actuation_delay_ns = actuation_delay_ns,
                       .tension_loop_radps = gains ? gains->bandwidth_radps : 0})),
-        tensions(body.tendons(), robot.limits, parameters.pretension_ramp_Nps, period_s,
-                 Ramp(row.feeds_forward)),
+        tensions(robot, parameters.pretension_ramp_Nps, period_s, Ramp(row.feeds_forward)),
         torques(robot, parameters, tables, row.feeds_forward, gains, period_s),
         modes(robot, parameters, limits, period_ns,
               {.estimator = estimator,
@@ -197,6 +196,7 @@ void Controller::Step(const CycleInput& input, CycleOutput& output) noexcept {
                                              .tension_N = c.tensions.tension_N(),
                                              .displacement_desired_m = c.torques.last_reference_m(),
                                              .shortening_m = c.estimator.shortening_m(),
+                                             .pair_offset_N = c.torques.pair_offset_N(),
                                              .weight = c.estimator.weight()},
                                             output);
   const bool switched = c.reference.switched() || !solution.continuous;

@@ -151,4 +151,37 @@ UnitDeviation& BodyParameters::DeviationOf(int unit) {
   return *unit_deviations.insert(at, {.unit = unit});
 }
 
+const TendonPair* ActuationParameters::PairOf(int tendon) const {
+  const auto at = std::find_if(pairs.begin(), pairs.end(), [tendon](const TendonPair& pair) {
+    return pair.first == tendon || pair.second == tendon;
+  });
+  return at == pairs.end() ? nullptr : &*at;
+}
+
+bool ActuationParameters::HasDrive(int tendon) const {
+  const TendonPair* pair = PairOf(tendon);
+  return pair == nullptr || pair->first == tendon;
+}
+
+int ActuationParameters::drives() const { return static_cast<int>(tendons.size() - pairs.size()); }
+
+int ActuationParameters::DriveOf(int tendon) const {
+  const TendonPair* pair = PairOf(tendon);
+  const int pulled = pair != nullptr ? pair->first : tendon;
+  int drive = 0;
+  for (int j = 0; j < pulled; ++j) drive += HasDrive(j) ? 1 : 0;
+  return drive;
+}
+
+int ActuationParameters::TendonOf(int drive) const {
+  int tendon = 0;
+  while (!HasDrive(tendon) || drive-- > 0) ++tendon;
+  return tendon;
+}
+
+double RobotParameters::RestTension_N(int tendon) const {
+  const TendonPair* pair = actuation ? actuation->PairOf(tendon) : nullptr;
+  return pair != nullptr ? pair->pretension_N : limits.min_tension_N;
+}
+
 }  // namespace tendril

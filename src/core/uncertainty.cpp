@@ -73,6 +73,7 @@ constexpr Usual kUsual[] = {
     {"entry_angle_rad", Absolute(2 * kDegree_rad)},
     {"presliding_m", Share(40)},
     {"coulomb_N", Share(40)},
+    {"pretension_N", Share(20)},
     // Sensors.
     {"gain_VpN", Share(5)},
     {"offset_N", Absolute(0.1)},

@@ -23,17 +23,20 @@ std::int32_t Turned(std::int32_t counts) noexcept {
 }  // namespace
 
 ControlCycle::ControlCycle(control::Controller& controller, canopen::Master& master, const Clock& clock,
-                           const BusParameters& bus, Wait wait)
+                           const RobotParameters& robot, const BusParameters& bus, Wait wait)
     : controller_(controller),
       master_(master),
       clock_(clock),
       feedback_deadline_ns_(bus.feedback_deadline_ns),
       wait_(std::move(wait)) {
+  const ActuationParameters& actuation = robot.actuation.value();
   for (const NodeParameters& node : bus.nodes) {
-    const auto j = static_cast<std::size_t>(node.tendon - 1);
-    motor_reversed_[j] = node.motor_reversed;
-    encoder_reversed_[j] = node.encoder_reversed;
+    const auto i = static_cast<std::size_t>(actuation.DriveOf(node.tendon - 1));
+    motor_reversed_[i] = node.motor_reversed;
+    encoder_reversed_[i] = node.encoder_reversed;
   }
+  for (int j = 0; j < robot.body.tendons(); ++j)
+    tendons_.push_back({static_cast<std::size_t>(actuation.DriveOf(j)), !actuation.HasDrive(j)});
 }
 
 void ControlCycle::Run(const rt::CycleStart& start, const Command& command, const TrackerSample& tracker,
@@ -59,15 +62,15 @@ void ControlCycle::Run(const rt::CycleStart& start, const Command& command, cons
   input.time_ns = start.grid_ns;
   input.bus_ok = master_.bus_ok();
   input.late = start.missed > 0;
-  input.drives = master_.drives();
+  input.drives = static_cast<int>(tendons_.size());
   const bool unreachable = master_.interface_down();
-  for (int i = 0; i < input.drives; ++i) {
-    const auto j = static_cast<std::size_t>(i);
+  for (std::size_t j = 0; j < tendons_.size(); ++j) {
+    const auto [i, turned] = tendons_[j];
     DriveFeedback& drive = input.drive[j];
-    drive = master_.feedback(i);
+    drive = master_.feedback(static_cast<int>(i));
     if (unreachable) drive.state = DriveState::kUnreachable;
-    if (motor_reversed_[j]) drive.torque_permille = Turned(drive.torque_permille);
-    if (encoder_reversed_[j]) drive.position_counts = Turned(drive.position_counts);
+    if (motor_reversed_[i] != turned) drive.torque_permille = Turned(drive.torque_permille);
+    if (encoder_reversed_[i] != turned) drive.position_counts = Turned(drive.position_counts);
   }
   input.command = command;
   input.tracker = tracker;
@@ -77,12 +80,14 @@ void ControlCycle::Run(const rt::CycleStart& start, const Command& command, cons
   const TimeNs after_ns = clock_.Now();
 
   if (output.clear_drive_faults) master_.ClearFaults(after_ns);
-  auto torque_permille = output.torque_target_permille;
-  for (std::size_t j = 0; j < static_cast<std::size_t>(input.drives); ++j) {
-    if (motor_reversed_[j]) torque_permille[j] = Turned(torque_permille[j]);
+  std::array<std::int16_t, kMaxTendons> torque_permille{};  // by drive
+  for (std::size_t j = 0; j < tendons_.size(); ++j) {
+    const auto [i, turned] = tendons_[j];
+    const std::int16_t permille = output.torque_target_permille[j];
+    if (!turned) torque_permille[i] = motor_reversed_[i] ? Turned(permille) : permille;
   }
   master_.EndCycle(after_ns, output.drive_request,
-                   std::span(torque_permille).first(static_cast<std::size_t>(input.drives)));
+                   std::span(torque_permille).first(static_cast<std::size_t>(master_.drives())));
 
   CycleTiming& timing = record.timing;
   timing.wake_latency_ns = start.wake_latency_ns;

@@ -94,7 +94,7 @@ struct Daemon::State {
         gateway(o.parameters.lcm, ShapeOf(o.robot), clock),
         setups(DriveSetups(o.robot, o.parameters.bus)),
         realtime(options, p, t, setups, handover),
-        loop(setups, o.parameters.bus.bitrate_bps) {
+        loop(setups, *o.robot.actuation, o.parameters.bus.bitrate_bps) {
     run = {config::ToYaml(o.robot), config::ToYaml(o.parameters),
            std::string(Version()),  std::string(GitRevision()),
            io::EpochUs(),           Identity(o)};
@@ -216,10 +216,14 @@ struct Daemon::State {
     gateway.PublishEvent(clock.Now(), status, source, text);
   }
 
+  int NodeOf(int tendon) const {
+    return setups[static_cast<std::size_t>(options.robot.actuation->DriveOf(tendon))].node_id;
+  }
+
   std::string WhoseFault(const CycleOutput& out) const {
-    const auto j = static_cast<std::size_t>(out.blamed_tendon) - 1;
-    if (!IsFault(out.status) || j >= setups.size()) return {};
-    return fmt::format(" (tendon {}, node {})", out.blamed_tendon, setups[j].node_id);
+    const int tendons = options.robot.body.tendons();
+    if (!IsFault(out.status) || out.blamed_tendon < 1 || out.blamed_tendon > tendons) return {};
+    return fmt::format(" (tendon {}, node {})", out.blamed_tendon, NodeOf(out.blamed_tendon - 1));
   }
 
   // Prefix to a drive fault that missed cycles of the daemon are likely to have caused.
@@ -233,7 +237,7 @@ struct Daemon::State {
   // The bus event of the drive for which `out` is not ready; empty if there was none.
   std::string WhyNotReadyText(const CycleRecord& r) const {
     for (std::size_t i = 0; i < static_cast<std::size_t>(r.input.drives); ++i) {
-      const auto said = last_of_drive.find(setups[i].node_id);
+      const auto said = last_of_drive.find(NodeOf(static_cast<int>(i)));
       if (r.output.status == WhyNotReady(r.input.drive[i].state) && r.output.status != Status::kOk &&
           said != last_of_drive.end())
         return said->second;

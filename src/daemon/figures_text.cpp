@@ -70,9 +70,12 @@ std::string FiguresComment(const RobotParameters& robot) {
                           Millimetres(worst_m), robot.limits.max_tension_base_N, robot.limits.min_tension_N)
             : "no equilibrium of this or that model under one tendon at limits.max_tension_base_N");
   }
-  return text + Line("weight",
-                     fmt::format("{:.3g} N, against {:.3g} N of pretension ({} x {:g} N)", figures.weight_N,
-                                 figures.pretension_N, robot.body.tendons(), robot.limits.min_tension_N));
+  const bool pairs = robot.actuation && !robot.actuation->pairs.empty();
+  const std::string each =
+      pairs ? fmt::format("in {} tendons", robot.body.tendons())
+            : fmt::format("({} x {:g} N)", robot.body.tendons(), robot.limits.min_tension_N);
+  return text + Line("weight", fmt::format("{:.3g} N, against {:.3g} N of pretension {}", figures.weight_N,
+                                           figures.pretension_N, each));
 }
 
 }  // namespace tendril::daemon

@@ -44,10 +44,11 @@ void LoopReport::Count(const Published& next) {
     if (skipped > worst_miss_.skipped) worst_miss_ = misses_.back();
     if (misses_.size() > kMissesKept) misses_.pop_front();
   }
-  statistics_.drives.resize(static_cast<std::size_t>(r.input.drives));
+  statistics_.drives.resize(setups_.size());
   for (std::size_t i = 0; i < statistics_.drives.size(); ++i) {
     DriveStatistics& drive = statistics_.drives[i];
-    const DriveFeedback& now = r.input.drive[i];
+    const auto tendon = static_cast<std::size_t>(actuation_.TendonOf(static_cast<int>(i)));
+    const DriveFeedback& now = r.input.drive[tendon];
     drive.node_id = setups_[i].node_id;
     drive.state = now.state;
     drive.statusword = now.statusword;

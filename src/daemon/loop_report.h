@@ -20,9 +20,10 @@ namespace tendril::daemon {
 
 class LoopReport {
  public:
-  /// `setups` must outlive it.
-  LoopReport(const std::vector<canopen::DriveSetup>& setups, double bitrate_bps)
-      : setups_(setups), bitrate_bps_(bitrate_bps) {}
+  /// `setups` are those of `actuation`; both must outlive it.
+  LoopReport(const std::vector<canopen::DriveSetup>& setups, const ActuationParameters& actuation,
+             double bitrate_bps)
+      : setups_(setups), actuation_(actuation), bitrate_bps_(bitrate_bps) {}
 
   void Count(const Published& cycle);
   void Fault(const LastFault& fault) { statistics_.last_fault = fault; }
@@ -39,6 +40,7 @@ class LoopReport {
 
  private:
   const std::vector<canopen::DriveSetup>& setups_;
+  const ActuationParameters& actuation_;
   double bitrate_bps_;
   rt::Histogram wake_latency_, round_trip_, compute_, total_;
   LoopStatistics statistics_;

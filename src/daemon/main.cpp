@@ -157,7 +157,8 @@ void LogSettings(const DaemonOptions& o, const std::string& config_path) {
   std::string nodes;
   const std::vector<canopen::DriveSetup> drives = DriveSetups(o.robot, p.bus);
   for (std::size_t i = 0; i < drives.size(); ++i) {
-    nodes += fmt::format("{}{} -> tendon {}", nodes.empty() ? "" : ", ", drives[i].node_id, i + 1);
+    nodes += fmt::format("{}{} -> tendon {}", nodes.empty() ? "" : ", ", drives[i].node_id,
+                         o.robot.actuation->TendonOf(static_cast<int>(i)) + 1);
     if (const canopen::DriveProfile& drive = *drives[i].profile; !drive.file.empty())
       nodes += fmt::format(" ({} by {})", drive.name, drive.file);
   }

@@ -30,7 +30,7 @@ RealtimeSide::RealtimeSide(const DaemonOptions& options, can::CanPort& port, rt:
       handover_(handover),
       master_(options.parameters.bus, setups, port),
       controller_(options.robot, options.parameters.controller, options.parameters.bus.cycle_ns),
-      cycle_(controller_, master_, clock_, options.parameters.bus, [this](TimeNs deadline_ns) {
+      cycle_(controller_, master_, clock_, options.robot, options.parameters.bus, [this](TimeNs deadline_ns) {
         return usage_.Excuse([&] { return port_.WaitUntil(deadline_ns); });
       }) {}
 

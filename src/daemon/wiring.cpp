@@ -24,7 +24,7 @@ std::vector<canopen::DriveSetup> DriveSetups(const RobotParameters& robot, const
   std::vector<canopen::DriveSetup> setups;
   int tendon = 0;
   for (const TendonDriveParameters& t : robot.actuation->tendons) {
-    ++tendon;
+    if (!robot.actuation->HasDrive(tendon++)) continue;
     canopen::DriveSetup setup;
     const NodeParameters* pulls = nullptr;
     for (const NodeParameters& node : bus.nodes) {

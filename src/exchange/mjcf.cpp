@@ -9,6 +9,7 @@
 
 #include "mjcf_motors.h"
 #include "tendril/exchange/robot_model.h"
+#include "tendril/model/tendon_pairs.h"
 #include "unit_chain.h"
 
 namespace tendril::exchange {
@@ -32,7 +33,7 @@ struct Parts {
 /// Of the straight robot at pretension with its motors blocked [rad/s].
 double HighestRate(const Parts& p) {
   const VectorXd straight = VectorXd::Zero(p.body.dof());
-  const VectorXd tension_N = VectorXd::Constant(p.body.tendons(), p.robot.limits.min_tension_N);
+  const VectorXd tension_N = model::RestTensions_N(p.robot);
   MatrixXd mass(p.body.dof(), p.body.dof()), stiffness(p.body.dof(), p.body.dof());
   model::Body::Workspace workspace(p.body);
   p.body.MassMatrix(straight, mass, workspace);
@@ -183,14 +184,15 @@ void AddSensors(Xml& xml, const Parts& p) {
   xml.Close("sensor");
 }
 
-/// Straight, every tendon at limits.min_tension_N.
+/// Straight, every tendon at its rest tension.
 void AddKeyframe(Xml& xml, const Parts& p) {
   std::vector<double> controls, states;
   for (const SpoolSlide& s : p.slides) {
     controls.push_back(s.holding_torque_Nm);
     if (s.lag_s > 0) states.push_back(s.holding_torque_Nm);
   }
-  if (p.slides.empty()) controls.assign(p.holes.size(), p.robot.limits.min_tension_N);
+  const TendonVector rest_N = model::RestTensions_N(p.robot);
+  if (p.slides.empty()) controls.assign(rest_N.begin(), rest_N.end());
   if (p.tip_force()) controls.push_back(0);
   const std::string act = states.empty() ? "" : fmt::format(" act=\"{:.10g}\"", fmt::join(states, " "));
   xml.Open("<keyframe>");
@@ -241,6 +243,10 @@ Parts PartsOf(const RobotParameters& robot, const MjcfOptions& options, double f
   if (motors && !robot.actuation)
     throw std::invalid_argument("robot '" + robot.name +
                                 "' has no actuation; accepted: tensions as controls");
+  if (motors && !robot.actuation->pairs.empty())
+    throw std::invalid_argument("robot '" + robot.name +
+                                "' has antagonistic pairs, whose common spools are not exported; accepted: "
+                                "tensions as controls (--actuators tensions)");
   Parts p{robot, model::Body(robot.body), {}, {}, {}, 0};
   p.units = UnitsOf(robot, p.body);
   VectorXd straight_m(p.body.tendons());

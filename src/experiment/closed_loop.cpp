@@ -22,6 +22,7 @@ LcmParameters InProcess(LcmParameters lcm) {
 DaemonParameters FitBus(DaemonParameters daemon, const RobotParameters& robot) {
   const std::vector<NodeParameters> given = std::exchange(daemon.bus.nodes, {});
   for (int j = 0; j < robot.body.tendons(); ++j) {
+    if (!robot.actuation->HasDrive(j)) continue;
     // The kind of drive is that of the file's tendon, or of its first one.
     NodeParameters node;
     for (const NodeParameters& other : given) {
@@ -60,8 +61,8 @@ ClosedLoop::ClosedLoop(const ClosedLoopOptions& options) : bus_(clock_) {
   setups_ = daemon::DriveSetups(robot, daemon_.bus);
   master_ = std::make_unique<canopen::Master>(daemon_.bus, setups_, bus_.AddPort());
   controller_ = std::make_unique<control::Controller>(robot, daemon_.controller, daemon_.bus.cycle_ns);
-  cycle_ =
-      std::make_unique<daemon::ControlCycle>(*controller_, *master_, clock_, daemon_.bus, [this](TimeNs) {
+  cycle_ = std::make_unique<daemon::ControlCycle>(
+      *controller_, *master_, clock_, robot, daemon_.bus, [this](TimeNs) {
         if (answered_) return false;  // the drives answer at once or not at all
         rig_->Poll(clock_.Now());
         answered_ = true;

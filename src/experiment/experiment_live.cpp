@@ -19,6 +19,7 @@
 #include "tendril/io/wire.h"
 #include "tendril/model/bending_model.h"
 #include "tendril/model/pull_cone.h"
+#include "tendril/model/tendon_pairs.h"
 
 namespace tendril::experiment {
 namespace {
@@ -29,7 +30,9 @@ BendingVector RestBend(const RobotParameters& robot) {
   BendingVector rest_rad = BendingVector::Zero(2 * static_cast<int>(robot.body.sections.size()));
   if (model::PullsEveryWay(robot.body)) return rest_rad;
   const model::Body body(model::BendingModel(robot.body));
-  control::NearestHeld(body, robot.limits.min_tension_N, robot.limits.max_tension_base_N).Project(rest_rad);
+  control::NearestHeld(body, robot.limits.min_tension_N, robot.limits.max_tension_base_N,
+                       model::TendonPairs(robot))
+      .Project(rest_rad);
   return rest_rad;
 }
 

@@ -21,6 +21,12 @@ RobotParameters WithSensors(RobotParameters robot, const std::string& from,
     throw std::runtime_error(
         from + " has no actuation (motors, drives, tendons); use a rig file such as rig_90mm.yaml");
   }
+  if (!robot.actuation->pairs.empty()) {
+    throw std::runtime_error(
+        from +
+        " has antagonistic pairs, whose runs are not diagnosed; use a robot file with a motor "
+        "for every tendon");
+  }
   if (load_cell) {
     for (auto& tendon : robot.actuation->tendons) {
       if (*load_cell != LoadCellPlace::kNone && !(tendon.load_cell.gain_VpN > 0))

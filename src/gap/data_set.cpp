@@ -64,6 +64,15 @@ void SettleCell(Run& run, std::optional<LoadCellPlace> declared) {
   }
 }
 
+/// The motor of a pair shows the difference of two tensions, which the chain of cuts has no place for.
+void RequireAMotorForEachTendon(const RobotParameters& robot) {
+  if (!robot.actuation || robot.actuation->pairs.empty()) return;
+  throw std::runtime_error(fmt::format(
+      "robot '{}' has antagonistic pairs, whose runs are not diagnosed; accepted: robots with a motor "
+      "for every tendon",
+      robot.name));
+}
+
 /// The robot that the tables of a folder were recorded with; empty where no file names it, or none that can
 /// be read.
 std::optional<RobotParameters> RecordedWith(const fs::path& folder) {
@@ -340,6 +349,7 @@ DataSet LoadLogs(const std::vector<std::string>& named, const std::string& robot
     set.robot = config::ParseRobot(yaml, "robot of " + log->string());
     set.notes.push_back("the robot is the one with which " + log->string() + " was recorded");
   }
+  RequireAMotorForEachTendon(set.robot);
   if (other) {
     set.notes.push_back(fmt::format("{} differs from {}, which is used for all runs; give --robot to choose",
                                     *other, robot_from));

@@ -5,6 +5,7 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <string>
@@ -16,6 +17,8 @@ namespace tendril::model {
 namespace {
 
 constexpr int kMaxForces = 2 * kMaxSections;
+// Pull that is left to a pair whose tendons are at their bounds, so that its range is one.
+constexpr double kLeastPull_N = 1e-9;
 using ForceVector = Eigen::Matrix<double, Eigen::Dynamic, 1, 0, kMaxForces, 1>;
 using ForceMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxForces, kMaxForces>;
 using ForceTensionMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxForces, kMaxTendons>;
@@ -31,15 +34,17 @@ bool WellConditioned(const ForceTensionMatrix& a) {
 enum class Bound : signed char { kLower, kFree, kUpper };
 using BoundSet = std::array<Bound, kMaxTendons>;
 
-/// min |x|^2 / 2 with A x = b, 0 <= x <= range, columns of A at most 1 long. Its dual is
-///   x(y) = clip(A^T y, 0, range),  A x(y) + regularisation y = b,
+/// min |x|^2 / 2 with A x = b, lower <= x <= upper, lower <= 0 <= upper, columns of A at most 1 long. Its
+/// dual is
+///   x(y) = clip(A^T y, lower, upper),  A x(y) + regularisation y = b,
 /// the gradient of a convex, piecewise quadratic function of y. The small regularisation keeps y finite when
 /// b is out of reach; x(y) then tends to the admissible x nearest to b and, among those, to the one of least
 /// norm.
 class BoundedLeastNorm {
  public:
-  BoundedLeastNorm(const ForceTensionMatrix& a, const ForceVector& b, const TendonVector& range)
-      : a_(a), b_(b), range_(range) {}
+  BoundedLeastNorm(const ForceTensionMatrix& a, const ForceVector& b, const TendonVector& lower,
+                   const TendonVector& upper)
+      : a_(a), b_(b), lower_(lower), upper_(upper) {}
 
   struct Solution {
     TendonVector x;
@@ -71,11 +76,11 @@ class BoundedLeastNorm {
       ForceMatrix hessian = ForceMatrix::Identity(b_.size(), b_.size()) * kRegularisation;
       TendonVector x(a_.cols());
       for (int j = 0; j < a_.cols(); ++j) {
-        x[j] = iteration == 1 ? pull[j] : std::clamp(pull[j], 0.0, range_[j]);
+        x[j] = iteration == 1 ? pull[j] : std::clamp(pull[j], lower_[j], upper_[j]);
         if (set_[j] == Bound::kFree) hessian.noalias() += a_.col(j) * a_.col(j).transpose();
       }
       const ForceVector gradient = a_ * x + kRegularisation * y - b_;
-      near_ = x.cwiseMax(0.0).cwiseMin(range_);
+      near_ = x.cwiseMax(lower_).cwiseMin(upper_);
       if (iteration > 1 && gradient.norm() <= 1e-15 * (b_.norm() + x.norm() + y.norm())) return iteration;
       const ForceVector step = -hessian.ldlt().solve(gradient);
       const TendonVector step_pull = a_.transpose() * step;
@@ -85,7 +90,7 @@ class BoundedLeastNorm {
       const BoundSet previous = set_;
       Classify(pull);
       if (length == 1 && previous == set_) {
-        near_ = pull.cwiseMax(0.0).cwiseMin(range_);
+        near_ = pull.cwiseMax(lower_).cwiseMin(upper_);
         return iteration;
       }
     }
@@ -100,14 +105,14 @@ class BoundedLeastNorm {
     for (int attempt = 0; attempt < 2 * a_.cols(); ++attempt) {
       bool moved = false;
       for (int j = 0; j < a_.cols(); ++j) {
-        if (set_[j] != Bound::kFree || (x[j] >= 0 && x[j] <= range_[j])) continue;
-        set_[j] = x[j] < 0 ? Bound::kLower : Bound::kUpper;
+        if (set_[j] != Bound::kFree || (x[j] >= lower_[j] && x[j] <= upper_[j])) continue;
+        set_[j] = x[j] < lower_[j] ? Bound::kLower : Bound::kUpper;
         moved = true;
       }
       if (!moved && !FreeOne(x)) break;
       x = OnActiveSet();
     }
-    return x.cwiseMax(0.0).cwiseMin(range_);
+    return x.cwiseMax(lower_).cwiseMin(upper_);
   }
 
   /// Frees the bounded tension that reduces the residual most; false: none does.
@@ -127,7 +132,7 @@ class BoundedLeastNorm {
 
   void Classify(const TendonVector& pull) noexcept {
     for (int j = 0; j < a_.cols(); ++j) {
-      set_[j] = pull[j] <= 0 ? Bound::kLower : pull[j] >= range_[j] ? Bound::kUpper : Bound::kFree;
+      set_[j] = pull[j] <= lower_[j] ? Bound::kLower : pull[j] >= upper_[j] ? Bound::kUpper : Bound::kFree;
     }
   }
 
@@ -140,7 +145,7 @@ class BoundedLeastNorm {
     const auto derivative = [&](double t) {
       double sum = constant + linear * t;
       for (int j = 0; j < pull.size(); ++j)
-        sum += step_pull[j] * std::clamp(pull[j] + t * step_pull[j], 0.0, range_[j]);
+        sum += step_pull[j] * std::clamp(pull[j] + t * step_pull[j], lower_[j], upper_[j]);
       return sum;
     };
     if (derivative(1) <= 0) return 1;
@@ -148,7 +153,7 @@ class BoundedLeastNorm {
     int count = 0;
     kinks[count++] = 0;
     for (int j = 0; j < pull.size(); ++j) {
-      for (const double bound : {0.0, range_[j]}) {
+      for (const double bound : {lower_[j], upper_[j]}) {
         const double t = (bound - pull[j]) / step_pull[j];
         if (t > 0 && t < 1) kinks[count++] = t;
       }
@@ -175,9 +180,9 @@ class BoundedLeastNorm {
       if (set_[j] == Bound::kFree) {
         index[count] = j;
         free.col(count++) = a_.col(j);
-      } else if (set_[j] == Bound::kUpper) {
-        x[j] = range_[j];
-        rest -= range_[j] * a_.col(j);
+      } else {
+        x[j] = set_[j] == Bound::kUpper ? upper_[j] : lower_[j];
+        if (x[j] != 0) rest -= x[j] * a_.col(j);
       }
     }
     if (count == 0) return x;
@@ -229,26 +234,85 @@ class BoundedLeastNorm {
 
   const ForceTensionMatrix& a_;
   const ForceVector& b_;
-  const TendonVector& range_;
+  const TendonVector &lower_, &upper_;
   BoundSet set_{};
   TendonVector near_;  // the solution up to the regularisation
 };
 
 /// The bound at which a tension would reduce the residual by moving on from x; `gain` is the reduction for
 /// each tension.
-Status BoundThatHolds(const TendonVector& gain, const TendonVector& x, const TendonVector& range,
-                      double least_gain) {
+Status BoundThatHolds(const TendonVector& gain, const TendonVector& x, const TendonVector& lower,
+                      const TendonVector& upper, double least_gain) {
   Status bound = Status::kOk;
   for (int j = 0; j < x.size(); ++j) {
-    if (x[j] >= range[j] && gain[j] > least_gain) return Status::kLimitedTensionMax;
-    if (x[j] <= 0 && gain[j] < -least_gain) bound = Status::kLimitedTensionMin;
+    if (x[j] >= upper[j] && gain[j] > least_gain) return Status::kLimitedTensionMax;
+    if (x[j] > lower[j] || gain[j] >= -least_gain) continue;
+    if (lower[j] < 0) return Status::kLimitedTensionMax;  // a pair's other tendon pulls no more
+    bound = Status::kLimitedTensionMin;
   }
   return bound;
 }
 
+/// force = jacobian * x with x from start + lower to start + upper, nearest to the start.
+TensionAllocator::Result AllocateFrom(const TendonVector& start_N,
+                                      const Eigen::Ref<const Eigen::MatrixXd>& jacobian,
+                                      ConstVectorRef force_Nm, const TendonVector& lower_N,
+                                      const TendonVector& upper_N) noexcept {
+  const auto columns = static_cast<int>(jacobian.cols()), forces = static_cast<int>(jacobian.rows());
+  TensionAllocator::Result result;
+  result.tension_N = start_N;
+  double scale = 0;
+  for (int j = 0; j < columns; ++j) scale = std::max(scale, jacobian.col(j).norm());
+  if (!(scale > 0) || !jacobian.allFinite() || !force_Nm.allFinite() || !start_N.allFinite() ||
+      upper_N.array().isNaN().any()) {
+    result.residual_Nm = force_Nm.norm();
+    result.status = result.bound = Status::kSolverFallback;
+    return result;
+  }
+  const ForceTensionMatrix a = jacobian / scale;
+  const ForceVector b = force_Nm / scale - a * result.tension_N;
+  std::optional<BoundedLeastNorm::Solution> found;
+  bool every_force = true;  // could be produced without bounds
+  if (columns < forces) {
+    every_force = false;
+  } else if (!WellConditioned(a)) {
+    // Orthonormalised equations have the same solutions, however badly conditioned they were.
+    const Eigen::HouseholderQR<TensionForceMatrix> factor(a.transpose());
+    const auto upper = factor.matrixQR().topRows(forces).triangularView<Eigen::Upper>();
+    every_force = factor.matrixQR().diagonal().cwiseAbs().minCoeff() > 1e-10;
+    if (every_force) {
+      TensionForceMatrix thin(columns, forces);
+      thin.setIdentity();
+      thin.applyOnTheLeft(factor.householderQ());
+      const ForceTensionMatrix rows = thin.transpose();
+      const ForceVector right = upper.transpose().solve(b);
+      found = BoundedLeastNorm(rows, right, lower_N, upper_N).Solve();
+      result.iterations = found->iterations;
+      if (!(found->error <= 1e-10 * (right.norm() + found->x.norm()))) found.reset();
+    }
+  }
+  // The nearest force, if none is reached, depends on the original equations.
+  if (!found) {
+    found = BoundedLeastNorm(a, b, lower_N, upper_N).Solve();
+    result.iterations += found->iterations;
+    if (!found->converged) result.status = Status::kSolverFallback;
+  }
+  result.tension_N += found->x;
+  const double most_range_N = (upper_N - lower_N).maxCoeff();
+  const ForceVector missing = b - a * found->x;
+  const double exact_Nm = 1e-10 * (force_Nm.norm() + scale * (most_range_N < 1e6 ? most_range_N : 1.0));
+  result.residual_Nm = scale * missing.norm();
+  if (result.residual_Nm > exact_Nm) result.status = Status::kLimitedTensionMax;
+  result.bound = every_force
+                     ? result.status
+                     : BoundThatHolds(a.transpose() * missing, found->x, lower_N, upper_N, exact_Nm / scale);
+  return result;
+}
+
 }  // namespace
 
-TensionAllocator::TensionAllocator(int tendons, int forces) : tendons_(tendons), forces_(forces) {
+TensionAllocator::TensionAllocator(int tendons, int forces, TendonPairs pairs)
+    : tendons_(tendons), forces_(forces), pairs_(std::move(pairs)) {
   if (tendons < 1 || tendons > kMaxTendons) {
     throw std::invalid_argument("tension allocation: " + std::to_string(tendons) +
                                 " tendons: accepted 1 .. " + std::to_string(kMaxTendons));
@@ -257,6 +321,7 @@ TensionAllocator::TensionAllocator(int tendons, int forces) : tendons_(tendons),
     throw std::invalid_argument("tension allocation: " + std::to_string(forces) + " forces: accepted 1 .. " +
                                 std::to_string(kMaxForces));
   }
+  shortening_m_ = offset_N_ = TendonVector::Zero(tendons);
 }
 
 TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen::MatrixXd>& jacobian,
@@ -270,54 +335,69 @@ TensionAllocator::Result TensionAllocator::Allocate(const Eigen::Ref<const Eigen
                                                     ConstVectorRef force_Nm, double min_tension_N,
                                                     const TendonVector& max_tension_N) const noexcept {
   assert(jacobian.rows() == forces_ && jacobian.cols() == tendons_ && force_Nm.size() == forces_);
-  Result result;
-  result.tension_N = TendonVector::Constant(tendons_, min_tension_N);
-  const TendonVector range_N = (max_tension_N.array() - min_tension_N).max(0.0).matrix();
-  double scale = 0;
-  for (int j = 0; j < tendons_; ++j) scale = std::max(scale, jacobian.col(j).norm());
-  if (!(scale > 0) || !jacobian.allFinite() || !force_Nm.allFinite() || !std::isfinite(min_tension_N) ||
-      max_tension_N.array().isNaN().any()) {
-    result.residual_Nm = force_Nm.norm();
-    result.status = result.bound = Status::kSolverFallback;
-    return result;
+  if (!pairs_.empty()) return AllocatePairs(jacobian, force_Nm, min_tension_N, max_tension_N);
+  return AllocateFrom(TendonVector::Constant(tendons_, min_tension_N), jacobian, force_Nm,
+                      TendonVector::Zero(tendons_),
+                      (max_tension_N.array() - min_tension_N).max(0.0).matrix());
+}
+
+// A pair is one unknown: x = (T_a - T_b) / sqrt 2, whose square is that of the two tensions' change where the
+// tendons are alike. It begins at zero, with both tendons unpulled.
+TensionAllocator::Result TensionAllocator::AllocatePairs(const Eigen::Ref<const Eigen::MatrixXd>& jacobian,
+                                                         ConstVectorRef force_Nm, double min_tension_N,
+                                                         const TendonVector& max_tension_N) const noexcept {
+  const TendonVector unpulled_N = Unpulled_N(min_tension_N);
+  const auto drives = tendons_ - static_cast<Eigen::Index>(pairs_.all().size());
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, 0, kMaxForces, kMaxTendons> columns(forces_, drives);
+  TendonVector start = TendonVector::Zero(drives), lower = start, upper = start;
+  ForceVector rest_Nm = force_Nm;
+  std::array<int, kMaxTendons> column_of{};
+  column_of.fill(-1);
+  Eigen::Index c = 0;
+  for (const TendonPairs::Pair& pair : pairs_.all()) {
+    const double a = pair.first_share, b = 1 - a;
+    columns.col(c) = std::numbers::sqrt2 * (a * jacobian.col(pair.first) - b * jacobian.col(pair.second));
+    rest_Nm -= unpulled_N[pair.first] * (jacobian.col(pair.first) + jacobian.col(pair.second));
+    const double give_N = unpulled_N[pair.first] - pairs_.least_N();
+    const double room_a_N = max_tension_N[pair.first] - unpulled_N[pair.first];
+    const double room_b_N = max_tension_N[pair.second] - unpulled_N[pair.second];
+    upper[c] = std::max(std::min(give_N / b, room_a_N / a) / std::numbers::sqrt2, kLeastPull_N);
+    lower[c] = -std::max(std::min(give_N / a, room_b_N / b) / std::numbers::sqrt2, kLeastPull_N);
+    column_of[pair.first] = column_of[pair.second] = static_cast<int>(c++);
   }
-  const ForceTensionMatrix a = jacobian / scale;
-  const ForceVector b = force_Nm / scale - a * result.tension_N;
-  std::optional<BoundedLeastNorm::Solution> found;
-  bool every_force = true;  // could be produced without bounds
-  if (tendons_ < forces_) {
-    every_force = false;
-  } else if (!WellConditioned(a)) {
-    // Orthonormalised equations have the same solutions, however badly conditioned they were.
-    const Eigen::HouseholderQR<TensionForceMatrix> factor(a.transpose());
-    const auto upper = factor.matrixQR().topRows(forces_).triangularView<Eigen::Upper>();
-    every_force = factor.matrixQR().diagonal().cwiseAbs().minCoeff() > 1e-10;
-    if (every_force) {
-      TensionForceMatrix thin(tendons_, forces_);
-      thin.setIdentity();
-      thin.applyOnTheLeft(factor.householderQ());
-      const ForceTensionMatrix rows = thin.transpose();
-      const ForceVector right = upper.transpose().solve(b);
-      found = BoundedLeastNorm(rows, right, range_N).Solve();
-      result.iterations = found->iterations;
-      if (!(found->error <= 1e-10 * (right.norm() + found->x.norm()))) found.reset();
-    }
+  for (int j = 0; j < tendons_; ++j) {
+    if (column_of[j] >= 0) continue;
+    columns.col(c) = jacobian.col(j);
+    start[c] = min_tension_N;
+    upper[c] = std::max(0.0, max_tension_N[j] - min_tension_N);
+    column_of[j] = static_cast<int>(c++);
   }
-  // The nearest force, if none is reached, depends on the original equations.
-  if (!found) {
-    found = BoundedLeastNorm(a, b, range_N).Solve();
-    result.iterations += found->iterations;
-    if (!found->converged) result.status = Status::kSolverFallback;
+  Result result = AllocateFrom(start, columns, rest_Nm, lower, upper);
+  const TendonVector x = result.tension_N;
+  result.tension_N.resize(tendons_);
+  for (int j = 0; j < tendons_; ++j) result.tension_N[j] = x[column_of[j]];
+  for (const TendonPairs::Pair& pair : pairs_.all()) {
+    const double pull_N = std::numbers::sqrt2 * x[column_of[pair.first]];
+    result.tension_N[pair.first] = unpulled_N[pair.first] + pair.first_share * pull_N;
+    result.tension_N[pair.second] = result.tension_N[pair.first] - pull_N;
   }
-  result.tension_N += found->x;
-  const double most_range_N = range_N.maxCoeff();
-  const ForceVector missing = b - a * found->x;
-  const double exact_Nm = 1e-10 * (force_Nm.norm() + scale * (most_range_N < 1e6 ? most_range_N : 1.0));
-  result.residual_Nm = scale * missing.norm();
-  if (result.residual_Nm > exact_Nm) result.status = Status::kLimitedTensionMax;
-  result.bound = every_force ? result.status
-                             : BoundThatHolds(a.transpose() * missing, found->x, range_N, exact_Nm / scale);
   return result;
+}
+
+void TensionAllocator::Bend(const TendonVector& shortening_m) noexcept {
+  if (!pairs_.empty()) shortening_m_ = shortening_m;
+}
+
+void TensionAllocator::AddFriction(const TendonVector& offset_N) noexcept {
+  if (!pairs_.empty()) offset_N_ = offset_N;
+}
+
+TendonVector TensionAllocator::Unpulled_N(double min_tension_N) const noexcept {
+  TendonVector unpulled_N = TendonVector::Constant(tendons_, min_tension_N);
+  for (const TendonPairs::Pair& pair : pairs_.all())
+    unpulled_N[pair.first] = unpulled_N[pair.second] =
+        TendonPairs::Unpulled_N(pair, shortening_m_) + offset_N_[pair.first];
+  return unpulled_N;
 }
 
 void SectionForcePerTension(const Body& body, const BendingVector& us_vs, MatrixRef jacobian) noexcept {

@@ -12,6 +12,7 @@
 #include "tendril/model/capstan.h"
 #include "tendril/model/pull_cone.h"
 #include "tendril/model/statics.h"
+#include "tendril/model/tendon_pairs.h"
 
 namespace tendril::model {
 namespace {
@@ -24,19 +25,20 @@ constexpr int kDirections = 24;
 
 /// The tip under these tensions with another gravity; none where the branch from zero tension ends.
 std::optional<Vector3d> TipUnder(BodyParameters parameters, const Vector3d& gravity_W_mps2,
-                                 double tension_N) {
+                                 const VectorXd& tension_N) {
   parameters.gravity_W_mps2 = gravity_W_mps2;
   const Body body(parameters);
-  const auto found = SolveStatics(body, VectorXd::Constant(body.tendons(), tension_N), Vector3d::Zero());
+  const auto found = SolveStatics(body, tension_N, Vector3d::Zero());
   if (found.result != StaticsResult::kConverged) return std::nullopt;
   return body.TipPose(found.q).p_WA;
 }
 
 void AddSags(const RobotParameters& robot, Figures& figures) {
-  const auto without = TipUnder(robot.body, Vector3d::Zero(), robot.limits.min_tension_N);
+  const VectorXd rest_N = RestTensions_N(robot);
+  const auto without = TipUnder(robot.body, Vector3d::Zero(), rest_N);
   if (!without) return;
   const auto sag_m = [&](const Vector3d& gravity_W_mps2) -> std::optional<double> {
-    const auto with = TipUnder(robot.body, gravity_W_mps2, robot.limits.min_tension_N);
+    const auto with = TipUnder(robot.body, gravity_W_mps2, rest_N);
     if (!with) return std::nullopt;
     return (*with - *without).norm();
   };
@@ -48,7 +50,7 @@ void AddSags(const RobotParameters& robot, Figures& figures) {
 
 std::vector<double> Frequencies(const RobotParameters& robot) {
   const Body body(robot.body);
-  const VectorXd tension_N = VectorXd::Constant(body.tendons(), robot.limits.min_tension_N);
+  const VectorXd tension_N = RestTensions_N(robot);
   const auto rest = SolveStatics(body, tension_N, Vector3d::Zero());
   if (rest.result != StaticsResult::kConverged) return {};
   const VectorXd frequencies_Hz = NaturalFrequencies(body, rest.q, tension_N, Vector3d::Zero());
@@ -56,11 +58,15 @@ std::vector<double> Frequencies(const RobotParameters& robot) {
   return {frequencies_Hz.begin(), frequencies_Hz.end()};
 }
 
-/// Each tendon's largest tension over full bends of one section; none where one cannot be held.
-std::optional<TendonVector> FullBend(const RobotParameters& robot, const Body& body, int section) {
+/// Each tendon's largest tension over full bends of one section, and what the other tendon of its pair has
+/// then; none where one cannot be held.
+struct Tensions {
+  TendonVector most_N, opposing_N;
+};
+std::optional<Tensions> FullBend(const RobotParameters& robot, const Body& body, int section) {
   const PullCone cone = PullConeOf(robot.body, section);
-  ArcTensions tensions(body);
-  TendonVector most_N = TendonVector::Zero(body.tendons());
+  ArcTensions tensions(body, TendonPairs(robot));
+  Tensions most{TendonVector::Zero(body.tendons()), TendonVector::Zero(body.tendons())};
   bool any = false;
   for (int i = 0; i < kDirections; ++i) {
     const double angle_rad = cone.from_rad + 2 * std::numbers::pi * i / kDirections;
@@ -71,22 +77,34 @@ std::optional<TendonVector> FullBend(const RobotParameters& robot, const Body& b
     us_vs.segment<2>(2 * section) = bend_rad;
     const auto held = tensions.Hold(us_vs, robot.limits.min_tension_N, kMaxCapstanTension_N);
     if (held.bound != Status::kOk) return std::nullopt;
-    most_N = most_N.cwiseMax(held.tension_N);
+    for (int j = 0; j < body.tendons(); ++j) {
+      if (held.tension_N[j] <= most.most_N[j]) continue;
+      most.most_N[j] = held.tension_N[j];
+      const TendonPair* pair = robot.actuation ? robot.actuation->PairOf(j) : nullptr;
+      if (pair != nullptr) most.opposing_N[j] = held.tension_N[pair->first + pair->second - j];
+    }
     any = true;
   }
   if (!any) return std::nullopt;
-  return most_N;
+  return most;
+}
+
+double Released_N(const TendonDriveParameters& t, double base_N) {
+  if (base_N <= 0) return 0;
+  return CapstanTable(t.transmission, 2 * base_N).BaseToMotor(base_N, -1);
 }
 
 // Of friction that grows beyond all bounds the solver may find no tension: then there are no such figures.
-void AddMotors(const ActuationParameters& actuation, const TendonVector& base_N, SectionFigures& figures) {
+void AddMotors(const ActuationParameters& actuation, const Tensions& at_base, SectionFigures& figures) {
   figures.full_bend_motor_N = figures.full_bend_torque_Nm = figures.full_bend_rated_share = 0;
   for (std::size_t j = 0; j < actuation.tendons.size(); ++j) {
     const TendonDriveParameters& t = actuation.tendons[j];
-    const double pulled_N = base_N[static_cast<Eigen::Index>(j)] + t.transmission.coulomb_N;
+    const double pulled_N = at_base.most_N[static_cast<Eigen::Index>(j)] + t.transmission.coulomb_N;
     const double motor_N = SolveCapstan(t.transmission.pulleys, pulled_N);
+    // The other tendon of a pair helps, with less than it has at the base.
+    const double load_N = motor_N - Released_N(t, at_base.opposing_N[static_cast<Eigen::Index>(j)]);
     const double torque_Nm =
-        motor_N * t.SpoolTravelPerMotorRad() / t.gear.efficiency + t.motor.coulomb_friction_Nm;
+        load_N * t.SpoolTravelPerMotorRad() / t.gear.efficiency + t.motor.coulomb_friction_Nm;
     figures.full_bend_motor_N = std::max(*figures.full_bend_motor_N, motor_N);
     figures.full_bend_torque_Nm = std::max(*figures.full_bend_torque_Nm, torque_Nm);
     figures.full_bend_rated_share =
@@ -99,10 +117,10 @@ SectionFigures Section(const RobotParameters& robot, const Body& body, int secti
   SectionFigures figures;
   figures.bending_stiffness_Nm2 = p.UnitStiffness() * p.unit_length_m;
   figures.stiffness_Nm = p.UnitStiffness() / p.units;
-  if (const auto base_N = FullBend(robot, body, section)) {
-    figures.full_bend_base_N = base_N->maxCoeff();
+  if (const auto at_base = FullBend(robot, body, section)) {
+    figures.full_bend_base_N = at_base->most_N.maxCoeff();
     try {
-      if (robot.actuation) AddMotors(*robot.actuation, *base_N, figures);
+      if (robot.actuation) AddMotors(*robot.actuation, *at_base, figures);
     } catch (const std::exception&) {
       figures.full_bend_motor_N = figures.full_bend_torque_Nm = figures.full_bend_rated_share = std::nullopt;
     }
@@ -116,7 +134,7 @@ Figures FiguresOf(const RobotParameters& robot) {
   const Body body(robot.body);
   Figures figures;
   figures.weight_N = robot.body.mass_kg() * robot.body.gravity_W_mps2.norm();
-  figures.pretension_N = body.tendons() * robot.limits.min_tension_N;
+  figures.pretension_N = RestTensions_N(robot).sum();
   AddSags(robot, figures);
   figures.frequencies_Hz = Frequencies(robot);
   // Tensions of a bend are the controller's, which knows bending alone.

@@ -9,6 +9,7 @@
 #include "tendril/model/bending_model.h"
 #include "tendril/model/held_directions.h"
 #include "tendril/model/pull_cone.h"
+#include "tendril/model/tendon_pairs.h"
 
 namespace tendril::motion {
 namespace {
@@ -217,7 +218,7 @@ class PlanarBend final : public Motion {
 
   // Bends each section to its share, towards the first direction that its tendons hold.
   void TurnIntoHeld(const RobotParameters& robot) {
-    model_.SumBending(model::RestShape(model_, robot.limits.min_tension_N), start_rad_);
+    model_.SumBending(model::RestShape(model_, model::RestTensions_N(robot)), start_rad_);
     BendingVector end_rad = kEnd_rad * per_rad_;
     for (int k = 0; k < model_.sections(); ++k) {
       const model::PullCone cone = model::PullConeOf(robot.body, k);

@@ -31,7 +31,7 @@ class Check {
   explicit Check(const RobotParameters& robot)
       : robot_(model::ControlModel(robot)),
         body_(robot_.body),
-        arcs_(body_),
+        arcs_(body_, model::TendonPairs(robot_)),
         reach_(robot_, body_, control::CommandedLimits(robot_.limits), 0, true),
         tables_(model::MakeCapstanTables(robot.actuation->tendons, robot.limits.max_tension_motor_N)),
         q_(UnitVector::Zero(body_.dof())) {}

@@ -15,6 +15,14 @@ RobotParameters PlantOf(const RobotParameters& controllers, const BusParameters&
     if (plant_file.empty())
       plant.actuation->tendons[static_cast<std::size_t>(node.tendon) - 1].node_id = node.node_id;
   }
+  const auto drives = [](const RobotParameters& robot) {
+    return robot.actuation ? robot.actuation->drives() : 0;
+  };
+  if (drives(plant) != drives(controllers) && plant.body.tendons() == controllers.body.tendons()) {
+    throw std::runtime_error(
+        fmt::format("the controller's robot has {} motors, the plant's {}: give two files of one robot",
+                    drives(controllers), drives(plant)));
+  }
   if (plant.body.tendons() != controllers.body.tendons()) {
     throw std::runtime_error(
         fmt::format("the controller's robot has {} tendons, the plant's {}: give two files of one robot",

@@ -34,11 +34,11 @@ struct SimulatedRobot::State {
 
   /// The leads of a drive as the daemon's file says they are.
   void Wire(const RobotParameters& robot, const NodeParameters& node) {
-    const auto& tendons = robot.actuation->tendons;
-    for (std::size_t j = 0; j < tendons.size(); ++j) {
-      if (tendons[j].node_id != node.node_id) continue;
-      rig.Connect(static_cast<int>(j),
-                  {.motor_reversed = node.motor_reversed, .encoder_reversed = node.encoder_reversed});
+    const ActuationParameters& actuation = *robot.actuation;
+    for (int i = 0; i < actuation.drives(); ++i) {
+      if (actuation.tendons[static_cast<std::size_t>(actuation.TendonOf(i))].node_id != node.node_id)
+        continue;
+      rig.Connect(i, {.motor_reversed = node.motor_reversed, .encoder_reversed = node.encoder_reversed});
     }
   }
 

@@ -10,11 +10,18 @@
 namespace tendril::rig {
 namespace {
 
+std::vector<int> DrivenTendons(const ActuationParameters& actuation) {
+  std::vector<int> tendons;
+  for (int i = 0; i < actuation.drives(); ++i) tendons.push_back(actuation.TendonOf(i));
+  return tendons;
+}
+
 std::vector<emulator::EmulatedDriveParameters> Drives(
     const RobotParameters& robot, const DriveProfiles& profiles,
     std::span<const emulator::EmulatedDriveParameters> more) {
   std::vector<emulator::EmulatedDriveParameters> drives;
-  for (const auto& tendon : robot.actuation->tendons) {
+  for (int tendon_of : DrivenTendons(*robot.actuation)) {
+    const TendonDriveParameters& tendon = robot.actuation->tendons[static_cast<std::size_t>(tendon_of)];
     emulator::EmulatedDriveParameters drive;
     drive.node_id = tendon.node_id;
     drive.serial = static_cast<std::uint32_t>(drives.size() + 1);
@@ -50,7 +57,8 @@ VirtualRig::VirtualRig(const RobotParameters& robot, can::CanPort& port, const s
     : robot_(robot),
       plant_(robot_, options),
       rack_(Drives(robot_, profiles, more), port),
-      released_(robot_.actuation->tendons.size(), false),
+      tendon_of_(DrivenTendons(*robot_.actuation)),
+      released_(tendon_of_.size(), false),
       torque_Nm_(plant_.tendons()),
       wiring_(released_.size()),
       empty_(released_.size()) {
@@ -70,13 +78,14 @@ int VirtualRig::Poll(TimeNs now_ns) {
   }
   const int syncs = rack_.Poll(now_ns);
   bool changed = false;
-  for (int j = 0; j < plant_.tendons(); ++j) {
-    const Wiring& wiring = wiring_[static_cast<std::size_t>(j)];
-    released_[j] = released_[j] || (rack_.enabled(j) && !brakes_held_);
-    double torque = released_[j] ? rack_.torque_Nm(j) : torque_Nm_[j];
-    if (wiring.motor_reversed && released_[j]) torque = -torque;
+  for (std::size_t i = 0; i < tendon_of_.size(); ++i) {
+    const int j = tendon_of_[i], drive = static_cast<int>(i);
+    const Wiring& wiring = wiring_[i];
+    released_[i] = released_[i] || (rack_.enabled(drive) && !brakes_held_);
+    double torque = released_[i] ? rack_.torque_Nm(drive) : torque_Nm_[j];
+    if (wiring.motor_reversed && released_[i]) torque = -torque;
     if (wiring.tendon_off) {
-      empty_[static_cast<std::size_t>(j)].torque_Nm = torque;
+      empty_[i].torque_Nm = torque;
       torque = 0;
     }
     if (wiring.jammed) torque = torque_Nm_[j];
@@ -104,7 +113,7 @@ std::optional<TrackerSample> VirtualRig::TakeTrackerReading() {
 void VirtualRig::TurnEmptySpools(double seconds) {
   for (std::size_t j = 0; j < wiring_.size(); ++j) {
     if (!wiring_[j].tendon_off) continue;
-    const MotorParameters& motor = robot_.actuation->tendons[j].motor;
+    const MotorParameters& motor = robot_.actuation->tendons[static_cast<std::size_t>(tendon_of_[j])].motor;
     EmptySpool& spool = empty_[j];
     const double friction_Nm =
         motor.coulomb_friction_Nm + motor.viscous_friction_Nms * std::abs(spool.velocity_radps);
@@ -117,16 +126,17 @@ void VirtualRig::TurnEmptySpools(double seconds) {
 
 void VirtualRig::ShowSensors() {
   const auto sensors = plant_.ReadSensors();
-  for (int j = 0; j < plant_.tendons(); ++j) {
-    const Wiring& wiring = wiring_[static_cast<std::size_t>(j)];
+  for (std::size_t i = 0; i < tendon_of_.size(); ++i) {
+    const int j = tendon_of_[i];
+    const Wiring& wiring = wiring_[i];
     const TendonDriveParameters& t = robot_.actuation->tendons[static_cast<std::size_t>(j)];
     emulator::DriveSensors shown;
     shown.position_counts = sensors[j].encoder_counts;
     double velocity_radps = plant_.tendon()[j].motor_velocity_radps;
     shown.actual_torque_Nm = sensors[j].torque_Nm;
-    const int of = wiring.cell_of < 0 ? j : wiring.cell_of;
+    const int of = wiring.cell_of < 0 ? j : tendon_of_[static_cast<std::size_t>(wiring.cell_of)];
     double cell_V = sensors[of].load_cell_V;
-    if (wiring_[static_cast<std::size_t>(of)].tendon_off) {
+    if (wiring_[wiring.cell_of < 0 ? i : static_cast<std::size_t>(wiring.cell_of)].tendon_off) {
       // Without a tendon the cell's reading is its noise and zero.
       const auto& cell = t.load_cell;
       const auto& tendon = plant_.tendon()[of];
@@ -134,14 +144,14 @@ void VirtualRig::ShowSensors() {
                 (cell.place == LoadCellPlace::kRobotSide ? tendon.tension_base_N : tendon.tension_motor_N);
     }
     if (wiring.tendon_off) {
-      const EmptySpool& spool = empty_[static_cast<std::size_t>(j)];
+      const EmptySpool& spool = empty_[i];
       shown.position_counts += static_cast<std::int32_t>(
           std::lround(spool.angle_rad / (2 * std::numbers::pi) * t.drive.encoder_counts_per_turn));
       velocity_radps = spool.velocity_radps;
       shown.actual_torque_Nm = sensors[j].torque_Nm + spool.torque_Nm;
     }
-    if (wiring.jammed) shown.actual_torque_Nm = rack_.torque_Nm(j);
-    if (wiring.motor_reversed && released_[j]) shown.actual_torque_Nm = -shown.actual_torque_Nm;
+    if (wiring.jammed) shown.actual_torque_Nm = rack_.torque_Nm(static_cast<int>(i));
+    if (wiring.motor_reversed && released_[i]) shown.actual_torque_Nm = -shown.actual_torque_Nm;
     if (wiring.encoder_reversed) {
       shown.position_counts = -shown.position_counts;
       velocity_radps = -velocity_radps;
@@ -150,7 +160,7 @@ void VirtualRig::ShowSensors() {
     shown.velocity_rpm = static_cast<std::int32_t>(std::lround(velocity_radps * 60 / (2 * std::numbers::pi)));
     cell_V = wiring.cell_gain == 0 ? 0 : wiring.cell_gain * cell_V;
     shown.analog_mV[0] = Millivolts(cell_V + 1e-3 * wiring.cell_zero_mV);
-    rack_.SetSensors(j, shown);
+    rack_.SetSensors(static_cast<int>(i), shown);
   }
 }
 

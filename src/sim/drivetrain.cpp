@@ -136,7 +136,10 @@ double Drivetrain::Resistance(const DrivetrainMotion& m, DrivetrainForces& f) co
   return resistance + f.extra.torque_Nm;
 }
 
-DrivetrainForces Drivetrain::Evaluate(double time_s, const DrivetrainMotion& m) const noexcept {
+// The gear's losses follow the direction of power: with z_g of the motion for a load that the motor lifts,
+// against it for one that pulls the motor on.
+DrivetrainForces Drivetrain::Evaluate(double time_s, const DrivetrainMotion& m,
+                                      double opposing_Nm) const noexcept {
   DrivetrainForces f;
   f.shaft = ShaftWay(time_s, m);
   const Spool spool = SpoolAt(f.shaft, m);
@@ -152,8 +155,9 @@ DrivetrainForces Drivetrain::Evaluate(double time_s, const DrivetrainMotion& m) 
   f.tension_base_N = Base(f.tension_motor_N, f.sliding, f.release_N, f.pull_N);
 
   f.torque_Nm = torque_scale_ * Torque(time_s);
-  f.gear_factor = std::exp(-log_efficiency_ * Gear(f.shaft));
-  const double load = f.tension_motor_N * spool.arm_m * f.gear_factor;
+  const double lossless_Nm = f.tension_motor_N * spool.arm_m - opposing_Nm;
+  f.gear_factor = std::exp((lossless_Nm < 0 ? 1 : -1) * log_efficiency_ * Gear(f.shaft));
+  const double load = lossless_Nm * f.gear_factor;
   f.acceleration_radps2 = (f.torque_Nm - Resistance(m, f) - load) / inertia_;
   return f;
 }

@@ -46,7 +46,7 @@ struct DrivetrainForces {
   double tension_base_N = 0;
   double sliding = 0;      // z of the pulley
   double dahl = 0;         // zeta of the motor
-  double gear_factor = 1;  // efficiency^(-z_g): load torque at the motor over the lossless one
+  double gear_factor = 1;  // efficiency^(-+z_g): load torque at the motor over the lossless one
   double acceleration_radps2 = 0;
   double pull_N = 0;  // F and its inverse at the motor-side tension
   double release_N = 0;
@@ -102,11 +102,16 @@ class Drivetrain {
   /// Reported torque, without noise: current times the nominal torque constant.
   double Torque(double time_s) const noexcept { return loop_.At(time_s); }
   const TorqueLoop& loop() const noexcept { return loop_; }
+  /// The motor has pulled with this torque for long [N·m], instead of the one that holds the start tension.
+  void StartWithTorque(double torque_Nm) { loop_ = loop_.Holding(torque_Nm); }
   /// See TorqueLoop.
   double NextCorner(double time_s) const noexcept { return loop_.NextCorner(time_s); }
 
-  /// Forces at a motion reached at time_s, at or after the last commit.
-  DrivetrainForces Evaluate(double time_s, const DrivetrainMotion& motion) const noexcept;
+  /// Forces at a motion reached at time_s, at or after the last commit. `opposing_Nm`: load torque, without
+  /// the gear's losses, of another tendon that the same spool pays out; that tendon's own motor does not
+  /// count.
+  DrivetrainForces Evaluate(double time_s, const DrivetrainMotion& motion,
+                            double opposing_Nm = 0) const noexcept;
   /// Linearised at the motion just evaluated.
   DrivetrainLinear Linearise(const DrivetrainMotion& motion, const DrivetrainForces& forces,
                              double gamma_s) const noexcept;

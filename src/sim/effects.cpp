@@ -213,6 +213,19 @@ std::vector<EffectParameter> ParametersOf(const Effect& effect, Target target, c
   return all;
 }
 
+namespace {
+
+// A pair's second tendon has no drive whose current, friction or encoder could be wrong.
+void RequireDrive(const Effect& effect, int target, const RobotParameters& robot) {
+  if (effect.scope != Scope::kTendon || effect.stage != Stage::kDrive || !robot.actuation) return;
+  if (robot.actuation->HasDrive(target)) return;
+  const int first = robot.actuation->PairOf(target)->first;
+  throw Wrong(fmt::format("{}: tendon {} has no motor of its own", effect.name, target + 1),
+              fmt::format("tendon:{}, the first of its pair", first + 1), "name that one");
+}
+
+}  // namespace
+
 Target ParseTarget(const Effect& effect, std::string_view where, const RobotParameters& robot) {
   if (where == "all" && effect.on_all) return std::nullopt;
   const std::string_view scope = ScopeName(effect.scope);
@@ -221,8 +234,10 @@ Target ParseTarget(const Effect& effect, std::string_view where, const RobotPara
     const std::string_view digits = where.substr(scope.size() + 1);
     int number = 0;
     const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), number);
-    if (error == std::errc() && end == digits.data() + digits.size() && number >= 1 && number <= count)
+    if (error == std::errc() && end == digits.data() + digits.size() && number >= 1 && number <= count) {
+      RequireDrive(effect, number - 1, robot);
       return number - 1;
+    }
   }
   std::string accepted = effect.on_all ? "all" : "";
   if (effect.on_one) {

@@ -1,5 +1,6 @@
 // The plant: body and drivetrains as one system of ordinary differential equations, with sensors. States:
-// unit bending q, motor angles and their rates. Friction memories are functions of position with state: read
+// unit bending q, motor angles and their rates; of a pair the second tendon's angle is the first's, turned
+// round. Friction memories are functions of position with state: read
 // within the solver's steps, moved only at accepted steps.
 #include "tendril/sim/plant.h"
 
@@ -81,9 +82,18 @@ struct Plant::Impl final : OdeSystem {
         tracker_noise(plant_options.sensor_noise, plant_options.seed + kTrackerSeed) {
     for (std::size_t j = 0; j < actuation.tendons.size(); ++j) {
       const TendonDriveParameters& tendon = actuation.tendons[j];
-      drive.emplace_back(tendon, robot.limits.min_tension_N,
+      drive.emplace_back(tendon, robot.RestTension_N(static_cast<int>(j)),
                          CachedCapstanTable(tendon.transmission, TabulatedTo_N(robot), kCapstan),
                          laws.tendon[j]);
+    }
+    for (const TendonPair& pair : actuation.pairs) {
+      if (!drive[pair.first].plain_spool() || !drive[pair.second].plain_spool()) {
+        throw std::invalid_argument(
+            fmt::format("robot '{}': tendons {} and {} share a spool, and neither its play nor its growth is "
+                        "simulated; accepted: effects other than backlash and spool_growth there",
+                        robot.name, pair.first + 1, pair.second + 1));
+      }
+      drive[pair.first].StartWithTorque(0);
     }
     length_jacobian.setZero(m, n);
     weighted.setZero(m, n);
@@ -94,12 +104,14 @@ struct Plant::Impl final : OdeSystem {
     evaluated_q.setZero(n);
     motion.resize(m);
     forces.resize(m);
+    settled.resize(m);
     linear.resize(m);
     state.resize(m);
     mass.setZero(n, n);
     stiffness.setZero(n, n);
     newton.setZero(n, n);
     weight.setZero(m);
+    between.setZero(static_cast<Eigen::Index>(actuation.pairs.size()));
     known.setZero(m);
     rotor.setZero(m);
     moved.setZero(m);
@@ -160,6 +172,9 @@ struct Plant::Impl final : OdeSystem {
     for (int j = 0; j < m; ++j) {
       motion[j] = {y[angle_at(j)], y[velocity_at(j)], shortening[j], shortening_rate[j]};
       forces[j] = drive[j].Evaluate(t, motion[j]);
+    }
+    for (const TendonPair& pair : actuation.pairs) PullTogether(t, pair, forces);
+    for (int j = 0; j < m; ++j) {
       tension[j] = forces[j].tension_base_N;
       derivative[angle_at(j)] = y[velocity_at(j)];
       derivative[velocity_at(j)] = forces[j].acceleration_radps2;
@@ -177,9 +192,18 @@ struct Plant::Impl final : OdeSystem {
     return acceleration.allFinite();
   }
 
+  /// One shaft with the loads of both tendons.
+  void PullTogether(double t, const TendonPair& pair, std::vector<DrivetrainForces>& of) const noexcept {
+    DrivetrainForces &first = of[pair.first], &second = of[pair.second];
+    first = drive[pair.first].Evaluate(t, motion[pair.first], second.tension_motor_N * second.load_arm_m);
+    second.acceleration_radps2 = -first.acceleration_radps2;
+    second.torque_Nm = -first.torque_Nm;
+  }
+
   /// (I - gamma df/dy) x = b with the rows of the body multiplied by the mass matrix and the motors, whose
   /// block is diagonal, eliminated; what is left is symmetric in the bending rates:
-  ///   [H + gamma D + gamma^2 K + J^T diag(w) J] dv = ...,  J = dL/dq.
+  ///   [H + gamma D + gamma^2 K + J^T W J] dv = ...,  J = dL/dq,
+  /// W diagonal but for pairs, whose tensions change with each other's paths.
   bool SolveNewton(double gamma, const double* b, double* x) noexcept override {
     if (reference_q.size() == 0 || (evaluated_q - reference_q).cwiseAbs().maxCoeff() > newton_strain ||
         (tension - reference_tension).cwiseAbs().maxCoeff() >
@@ -200,6 +224,7 @@ struct Plant::Impl final : OdeSystem {
       known[j] = gamma * l.BaseTension(angle, moved[j]) + l.base_motor * rotor[j] / l.inertia;
       weight[j] = l.base_body - l.base_motor * l.rotor_body / l.inertia;
     }
+    for (std::size_t i = 0; i < actuation.pairs.size(); ++i) LineariseTogether(i, gamma, b);
     Vector rate(x + rate_at(), n);
     const bool solved = laws.body.empty() ? SolveBending(gamma, b_bend, b_rate, rate)
                                           : SolveBendingWithLaws(gamma, b_bend, b_rate, rate);
@@ -211,15 +236,58 @@ struct Plant::Impl final : OdeSystem {
       x[velocity_at(j)] = velocity;
       x[angle_at(j)] = b[angle_at(j)] + gamma * velocity;
     }
+    for (const TendonPair& pair : actuation.pairs) {
+      const DrivetrainLinear &first = linear[pair.first], &second = linear[pair.second];
+      const double velocity = (rotor[pair.first] - first.rotor_body * moved[pair.first] +
+                               second.rotor_body * moved[pair.second]) /
+                              first.inertia;
+      x[velocity_at(pair.first)] = velocity;
+      x[angle_at(pair.first)] = b[angle_at(pair.first)] + gamma * velocity;
+      x[velocity_at(pair.second)] = -velocity;
+      x[angle_at(pair.second)] = b[angle_at(pair.second)] - gamma * velocity;
+    }
     return true;
+  }
+
+  /// The rotor of a pair's first tendon bears both; `between` is their entry of W, the mean of the two, which
+  /// differ as much as the tendons' pulleys do.
+  void LineariseTogether(std::size_t i, double gamma, const double* b) noexcept {
+    const TendonPair& pair = actuation.pairs[i];
+    DrivetrainLinear &first = linear[pair.first], &second = linear[pair.second];
+    const double gear = forces[pair.first].gear_factor / forces[pair.second].gear_factor;
+    second.rotor_body *= gear;
+    second.rotor_spring *= gear;
+    first.inertia += second.travel * second.rotor_body;
+    rotor[pair.first] +=
+        gamma * second.rotor_spring * (second.travel * b[angle_at(pair.second)] - moved[pair.second]);
+    const auto known_of = [&](int j, double side) {
+      return gamma * linear[j].BaseTension(b[angle_at(j)], moved[j]) +
+             side * linear[j].base_motor * rotor[pair.first] / first.inertia;
+    };
+    known[pair.first] = known_of(pair.first, 1);
+    known[pair.second] = known_of(pair.second, -1);
+    weight[pair.first] = first.base_body - first.base_motor * first.rotor_body / first.inertia;
+    weight[pair.second] = second.base_body - second.base_motor * second.rotor_body / first.inertia;
+    between[static_cast<Eigen::Index>(i)] =
+        (first.base_motor * second.rotor_body + second.base_motor * first.rotor_body) / (2 * first.inertia);
+  }
+
+  /// Adds J_left^T W J, by the tendons' weights.
+  void AddWeights(const Eigen::MatrixXd& left) noexcept {
+    for (int j = 0; j < m; ++j)
+      newton.noalias() += weight[j] * left.row(j).transpose() * length_jacobian.row(j);
+    for (std::size_t i = 0; i < actuation.pairs.size(); ++i) {
+      const TendonPair& pair = actuation.pairs[i];
+      const double w = between[static_cast<Eigen::Index>(i)];
+      newton.noalias() += w * left.row(pair.first).transpose() * length_jacobian.row(pair.second);
+      newton.noalias() += w * left.row(pair.second).transpose() * length_jacobian.row(pair.first);
+    }
   }
 
   bool SolveBending(double gamma, const ConstVector& b_bend, const ConstVector& b_rate, Vector& rate) {
     newton = mass + gamma * gamma * stiffness;
     for (int i = 0; i < n; ++i) newton(i, i) += gamma * body.damping_Nms()[i];
-    for (int j = 0; j < m; ++j) {
-      newton.noalias() += weight[j] * length_jacobian.row(j).transpose() * length_jacobian.row(j);
-    }
+    AddWeights(length_jacobian);
     body_rhs.noalias() = mass * b_rate;
     body_rhs.noalias() -= gamma * (stiffness * b_bend);
     body_rhs.noalias() -= length_jacobian.transpose() * known;
@@ -238,9 +306,7 @@ struct Plant::Impl final : OdeSystem {
     laws.body.AddStiffness(body, evaluated_q, tension, law_stiffness);
     newton = mass + gamma * gamma * law_stiffness;
     for (int i = 0; i < n; ++i) newton(i, i) += gamma * body.damping_Nms()[i];
-    for (int j = 0; j < m; ++j) {
-      newton.noalias() += weight[j] * weighted.row(j).transpose() * length_jacobian.row(j);
-    }
+    AddWeights(weighted);
     body_rhs.noalias() = mass * b_rate;
     body_rhs.noalias() -= gamma * (law_stiffness * b_bend);
     body_rhs.noalias() -= weighted.transpose() * known;
@@ -296,8 +362,11 @@ struct Plant::Impl final : OdeSystem {
   }
 
   void UpdateTendonStates() {
+    const double now = ToSeconds(time_ns);
+    for (int j = 0; j < m; ++j) settled[j] = drive[j].Evaluate(now, motion[j]);
+    for (const TendonPair& pair : actuation.pairs) PullTogether(now, pair, settled);
     for (int j = 0; j < m; ++j) {
-      const DrivetrainForces f = drive[j].Evaluate(ToSeconds(time_ns), motion[j]);
+      const DrivetrainForces& f = settled[j];
       state[j] = {motion[j].angle_rad,    motion[j].velocity_radps, f.torque_Nm,      f.spool_pull_m,
                   motion[j].shortening_m, f.tension_motor_N,        f.tension_base_N, f.sliding};
     }
@@ -314,7 +383,7 @@ struct Plant::Impl final : OdeSystem {
       sensors[j].encoder_counts =
           static_cast<std::int32_t>(std::llround(turns * p.drive.encoder_counts_per_turn));
       const double permille = p.drive.rated_torque_Nm * 1e-3;
-      sensors[j].torque_Nm = permille * std::round(drive[j].Torque(now) / permille +
+      sensors[j].torque_Nm = permille * std::round(ShaftTorque(j, now) / permille +
                                                    sensor_noise.Draw(p.drive.actual_torque_noise_permille));
       const double cell = sensor_noise.Draw(p.load_cell.noise_N);
       if (p.load_cell.place == LoadCellPlace::kNone) continue;
@@ -324,6 +393,12 @@ struct Plant::Impl final : OdeSystem {
       sensors[j].load_cell_V = p.load_cell.resolution_V * std::round(volts / p.load_cell.resolution_V);
     }
     return sensors;
+  }
+
+  /// As the drive of a tendon reports it; of a pair's second tendon the first's, turned round.
+  double ShaftTorque(int j, double now) const {
+    if (actuation.HasDrive(j)) return drive[j].Torque(now);
+    return -drive[actuation.PairOf(j)->first].Torque(now);
   }
 
   void RememberPose() {
@@ -374,12 +449,13 @@ struct Plant::Impl final : OdeSystem {
   Eigen::VectorXd shortening, shortening_rate, tension, force, evaluated_q;
   std::vector<DrivetrainMotion> motion;
   std::vector<DrivetrainForces> forces;
+  std::vector<DrivetrainForces> settled;  // at the end of the last advance
 
   // Newton's equations.
   std::vector<DrivetrainLinear> linear;
   Eigen::MatrixXd mass, stiffness, newton;
   Eigen::VectorXd reference_q, reference_tension;
-  Eigen::VectorXd weight, known, rotor, moved, body_rhs;
+  Eigen::VectorXd weight, between, known, rotor, moved, body_rhs;
   Eigen::MatrixXd law_stiffness;
   Eigen::LLT<Eigen::MatrixXd> cholesky;
   Eigen::PartialPivLU<Eigen::MatrixXd> lu;

@@ -84,7 +84,7 @@ struct Replay::Impl {
         m(body.tendons()) {
     for (int j = 0; j < m; ++j) {
       const auto& p = actuation.tendons[At(j)];
-      drive.emplace_back(p, robot.limits.min_tension_N,
+      drive.emplace_back(p, robot.RestTension_N(j),
                          CachedCapstanTable(p.transmission, TabulatedTo_N(robot), kReplayedCapstan),
                          laws.tendon[At(j)]);
       const auto& nominal = Actuation(given, "a replay").tendons[At(j)].load_cell;

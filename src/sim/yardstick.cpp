@@ -26,7 +26,7 @@ RobotParameters ReferenceRig() {
   rig.body.sections = {section};
   rig.limits = {
       .min_tension_N = 0.3, .max_tension_base_N = 8, .max_tension_motor_N = 10, .max_bending_rad = 2.6};
-  rig.actuation = ActuationParameters{.tendons = {drive, drive, drive}, .tracker = {}};
+  rig.actuation = ActuationParameters{.tendons = {drive, drive, drive}, .pairs = {}, .tracker = {}};
   return rig;
 }
 

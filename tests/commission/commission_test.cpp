@@ -127,6 +127,43 @@ TEST(Commission, TheRigAsItsFilesSayPassesWithFiguresAndCanBeArmedAfterwards) {
   }
 }
 
+TEST(Commission, APairIsVerifiedByTheBendOfItsMotor) {
+  Arm arm("robots/pairs_90mm.yaml", "tendrild_pairs.yaml");
+  arm.daemon.controller.take_up.pull_N = 4;
+  const commission::CommissionResult r = arm.Commission();
+  std::printf("%s\n", commission::CommissionTable(r).c_str());
+  EXPECT_TRUE(r.passed());
+  ASSERT_EQ(r.drives.size(), 2u);
+  for (const commission::DriveFinding& f : r.drives) EXPECT_EQ(f.seen_tendon, f.tendon);
+  arm.loop->ArmAndPretension();
+  EXPECT_EQ(arm.loop->record().output.mode, Mode::kRunning);
+}
+
+// A pair stands either way, so that only the bend tells which of its tendons a positive torque pulls.
+TEST(Commission, APairsMistakesAreNamed) {
+  const struct {
+    rig::Wiring wiring;
+    const char* verdict;
+  } kCases[] = {{{.motor_reversed = true}, "motor reversed"},
+                {{.encoder_reversed = true}, "encoder reversed"},
+                {{.motor_reversed = true, .encoder_reversed = true}, "spool reversed"}};
+  for (const auto& c : kCases) {
+    SCOPED_TRACE(c.verdict);
+    Arm arm("robots/pairs_90mm.yaml", "tendrild_pairs.yaml");
+    arm.daemon.controller.take_up.pull_N = 4;
+    arm.wirings.emplace_back(1, c.wiring);
+    const commission::CommissionResult r = arm.Commission();
+    EXPECT_FALSE(r.passed());
+    EXPECT_EQ(r.drives[0].verdict, "ok");
+    EXPECT_EQ(r.drives[1].verdict, c.verdict);
+    const std::vector<NodeParameters> found = commission::FoundNodes(r);
+    ASSERT_EQ(found.size(), 2u);
+    EXPECT_EQ(found[1].tendon, 2);
+    EXPECT_EQ(found[1].motor_reversed, c.wiring.motor_reversed);
+    EXPECT_EQ(found[1].encoder_reversed, c.wiring.encoder_reversed);
+  }
+}
+
 struct Mistake {
   const char* name;
   void (*make)(Arm&);

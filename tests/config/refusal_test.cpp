@@ -70,9 +70,31 @@ TEST_P(Refusal, IsOneLineThatHelps) {
 constexpr const char* kRig = "robots/rig_60mm.yaml";
 constexpr const char* kTwo = "robots/two_section.yaml";
 constexpr const char* kDaemon = "tendrild.yaml";
+constexpr const char* kPairs = "robots/pairs_90mm.yaml";
 
 // clang-format off
 const Case kCases[] = {
+    // ---- pairs
+    {"PairWithoutTendon", kPairs, "tendons: [2, 4]", "tendons: [2, 5]", "  pairs:  ", "actuation.pairs",
+     {"tendons 2 and 5 are a pair, and the robot has 4", "two of the tendons 1 .. 4"}},
+    {"PairTwice", kPairs, "tendons: [2, 4]", "tendons: [1, 3]", "  pairs:  ", "actuation.pairs",
+     {"tendons 1 and 3 are a pair, and one of them is in two"}},
+    {"PairNotOpposite", kPairs, "tendons: [2, 4]", "tendons: [2, 1]", "  pairs:  ", "actuation.pairs",
+     {"one of them is in two"}},
+    {"PairAcross", kPairs, "{angle_rad: 3.141592653589793,", "{angle_rad: 3.0,", "  pairs:  ", "actuation.pairs",
+     {"tendons 1 and 3 do not lie opposite each other", "180"}},
+    {"PairOfUnequalHoles", kPairs, "{angle_rad: 3.141592653589793, radius_m: 0.004}",
+     "{angle_rad: 3.141592653589793, radius_m: 0.003}", "  pairs:  ", "actuation.pairs",
+     {"do not lie opposite each other", "same radius"}},
+    {"PairWithoutPretension", kPairs, "tendons: [1, 3], pretension_N: 4.0", "tendons: [1, 3], pretension_N: 0.2",
+     "  pairs:  ", "actuation.pairs", {"have a pretension of 0.2 N", "0.3 N"}},
+    {"PairWithALoadCell", kPairs, "    place: none", "    place: motor_side\n    gain_VpN: 0.2\n    resolution_V: 0.001\n    noise_N: 0.005", "  pairs:  ", "actuation.pairs",
+     {"one analog input for the two", "load_cell.place: none"}},
+    {"PairOfThree", kPairs, "tendons: [2, 4]", "tendons: [2, 4, 1]", "tendons: [2, 4, 1]", "actuation.pairs[2].tendons",
+     {"2"}},
+    {"PairWithTwoMotors", kPairs, "  tracker:", "  per_tendon:\n    3:\n      gear:\n        ratio: 20.0\n  tracker:", "  pairs:  ", "actuation.pairs",
+     {"tendons 1 and 3 have one motor, drive, gear and spool"}},
+    {"PairsNodes", kPairs, "  pairs:", "  nodes: [1, 2, 3, 4]\n  pairs:", "  nodes: [", "actuation.nodes", {"2"}},
     // ---- keys
     {"UnknownKey", kRig, "unit_length_m:", "unit_lenght_m:", "unit_lenght_m", "body.sections[1].unit_lenght_m",
      {"unknown key", "did you mean unit_length_m?"}},
@@ -502,6 +524,10 @@ TEST(RefusedPair, TendonsAndNodes) {
               HasSubstr("accepted: limits.max_tension_motor_N"));
   EXPECT_THAT(ErrorOf([&] { CheckTogether(daemon, LoadRobot(ConfigPath("robots/qi2021_60mm.yaml")), path); }),
               StartsWith(path + ":5: robot: qi2021_60mm has no actuation"));
+  DaemonParameters of_pairs = LoadDaemon(ConfigPath("tendrild_pairs.yaml"));
+  of_pairs.bus.nodes.push_back({3, 3});
+  EXPECT_THAT(ErrorOf([&] { CheckTogether(of_pairs, LoadRobot(of_pairs.robot_file), path); }),
+              HasSubstr("node 3 pulls tendon 3 of pairs_90mm, whose motor is that of tendon 1"));
   EXPECT_THAT(ErrorOf([&] { CheckTogether(fewer, robot, "gone.yaml"); }),
               StartsWith("gone.yaml: bus.nodes: tendon 3"));
 }

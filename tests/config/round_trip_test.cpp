@@ -64,8 +64,8 @@ void ExpectRoundTrip(const RobotParameters& robot) {
 }
 
 TEST(RoundTrip, ShippedRobots) {
-  for (const char* file :
-       {"qi2021_90mm", "qi2021_60mm", "rig_90mm", "rig_60mm", "four_tendon_90mm", "two_section"}) {
+  for (const char* file : {"qi2021_90mm", "qi2021_60mm", "rig_90mm", "rig_60mm", "four_tendon_90mm",
+                           "two_section", "pairs_90mm"}) {
     SCOPED_TRACE(file);
     ExpectRoundTrip(LoadRobot(ConfigPath(std::string("robots/") + file + ".yaml")));
   }
@@ -119,7 +119,8 @@ TEST(RoundTrip, NoPulleyAndNoLoadCell) {
 }
 
 TEST(RoundTrip, Daemons) {
-  for (const char* file : {"tendrild.yaml", "tendrild_four_tendon.yaml", "tendrild_two_section.yaml"}) {
+  for (const char* file :
+       {"tendrild.yaml", "tendrild_four_tendon.yaml", "tendrild_two_section.yaml", "tendrild_pairs.yaml"}) {
     SCOPED_TRACE(file);
     const DaemonParameters a = LoadDaemon(ConfigPath(file));
     const DaemonParameters b = ParseDaemon(ToYaml(a), "again");

@@ -254,6 +254,8 @@ TEST(Uncertainty, EachNumberHasItsUsualOne) {
       {"exponent", share(5)},
       {"presliding_m", share(40)},
       {"coulomb_N", share(40)},
+      {"pretension_N", share(20)},
+      {"pairs[].tendons", known},
       {"gain_VpN", share(5)},
       {"offset_N", {Kind::kAbsolute, 0.1}},
       {"delay_s", share(40)},

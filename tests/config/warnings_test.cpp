@@ -82,7 +82,8 @@ std::vector<std::string> WarnedOf(const std::string& text) {
 }
 
 TEST(Warnings, ShippedFilesHaveNone) {
-  for (const char* file : {"tendrild.yaml", "tendrild_four_tendon.yaml", "tendrild_two_section.yaml"}) {
+  for (const char* file :
+       {"tendrild.yaml", "tendrild_four_tendon.yaml", "tendrild_two_section.yaml", "tendrild_pairs.yaml"}) {
     const DaemonParameters daemon = LoadDaemon(ConfigPath(file));
     EXPECT_THAT(Warnings(daemon, LoadRobot(daemon.robot_file), ConfigPath(file)), IsEmpty()) << file;
   }

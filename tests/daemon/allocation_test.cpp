@@ -38,7 +38,7 @@ TEST(ControlCycleAllocation, NoneFromBootToMotion) {
   const std::vector<canopen::DriveSetup> setups = DriveSetups(robot, parameters.bus);
   canopen::Master master(parameters.bus, setups, port);
   control::Controller controller(robot, parameters.controller, parameters.bus.cycle_ns);
-  ControlCycle cycle(controller, master, clock, parameters.bus,
+  ControlCycle cycle(controller, master, clock, robot, parameters.bus,
                      [&](TimeNs deadline_ns) { return port.WaitUntil(deadline_ns); });
   BlackBox black_box({.seconds = 1, .folder = "/nowhere"}, parameters.lcm, ShapeOf(robot), {}, 0,
                      parameters.bus.cycle_ns, controller);

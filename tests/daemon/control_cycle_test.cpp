@@ -54,7 +54,7 @@ class Loop {
   canopen::Master master{parameters.bus, setups, drives.port()};
   control::Controller controller{robot, parameters.controller, parameters.bus.cycle_ns};
   ControlCycle::Wait wait;
-  ControlCycle cycle{controller, master, clock, parameters.bus, [this](TimeNs t) { return wait(t); }};
+  ControlCycle cycle{controller, master, clock, robot, parameters.bus, [this](TimeNs t) { return wait(t); }};
   CycleRecord record;
   std::uint64_t count = 0;
   std::uint32_t sequence = 0;

@@ -69,7 +69,7 @@ class SafetyRig {
         port_(bus_.AddPort()),
         master_(o.daemon.bus, DriveSetups(o.robot, o.daemon.bus), port_),
         controller_(o.robot, o.daemon.controller, o.daemon.bus.cycle_ns),
-        cycle_(controller_, master_, clock_, o.daemon.bus, [this](TimeNs) {
+        cycle_(controller_, master_, clock_, o.robot, o.daemon.bus, [this](TimeNs) {
           if (answered_) return false;
           faults_.Poll(clock_.Now());
           rig_.Poll(clock_.Now());

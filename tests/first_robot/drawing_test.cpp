@@ -39,7 +39,8 @@ void ExpectOnCanvas(const std::string& svg, const std::string& name) {
 }
 
 TEST(Drawing, EveryShippedRobotIsWholeAndOnTheCanvas) {
-  for (const char* name : {"rig_60mm", "rig_90mm", "qi2021_60mm", "four_tendon_90mm", "two_section"}) {
+  for (const char* name :
+       {"rig_60mm", "rig_90mm", "qi2021_60mm", "four_tendon_90mm", "two_section", "pairs_90mm"}) {
     const RobotParameters robot =
         config::LoadRobot(std::string(TENDRIL_SOURCE_DIR "/config/robots/") + name + ".yaml");
     const std::string svg = Drawing(robot);

@@ -157,7 +157,7 @@ Plant::Plant(const PlantOptions& options)
       profiles_(Profiles(options.drives)),
       rig_(job_.robot, port_, {.seed = options.seed}, profiles_,
            rig::FreeDrives(job_.extra_nodes, job_.tendons().front())),
-      free_motors_(rig_.drives(), static_cast<int>(job_.tendons().size()), job_.tendons().front()) {
+      free_motors_(rig_.drives(), job_.robot.actuation->drives(), job_.tendons().front()) {
   port_.Attach(rig_.drives());
   AsUse([&] { rig::Order(job_.faults, port_, clock_.Now()); });
   rig::Order(job_.scenario, port_, clock_.Now());
@@ -172,7 +172,8 @@ void Plant::ConnectLcm() {
 
 void Plant::SayReady() const {
   std::string nodes;
-  for (const auto& tendon : job_.tendons()) {
+  for (int i = 0; i < job_.robot.actuation->drives(); ++i) {
+    const auto& tendon = job_.tendons()[static_cast<std::size_t>(job_.robot.actuation->TendonOf(i))];
     nodes += fmt::format("{}{}", nodes.empty() ? "" : " ", tendon.node_id);
     if (const auto profile = profiles_.Of(tendon.node_id); !profile->file.empty())
       nodes += fmt::format(" ({})", profile->name);

@@ -37,7 +37,7 @@ void InverseRows(const RobotParameters& robot, const InverseOptions& options) {
             {io::Columns(io::NumberedPairs("dus", "dvs", k), io::NumberedPairs("ddus", "ddvs", k))});
   io::CsvWriter out(stdout, io::Numbered("T", body.tendons()));
   Unmet unmet;
-  model::ArcTensions arcs(body);
+  model::ArcTensions arcs(body, model::TendonPairs(robot));
   const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N);
   while (rows.Next()) {
     const VectorXd bend = Cursor(rows.required()).Take(2 * k);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <utility>
 
 #include "tendril/core/cycle.h"
 #include "tendril/core/robot.h"
@@ -14,8 +15,11 @@ namespace tendril::control {
 class ArcAllocation {
  public:
   /// `body` outlives this object.
-  explicit ArcAllocation(const model::Body& body) : body_(body), arcs_(body) {}
+  explicit ArcAllocation(const model::Body& body, model::TendonPairs pairs = {})
+      : body_(body), arcs_(body, std::move(pairs)) {}
 
+  /// From here on friction adds this to both tensions of pairs.
+  void AddFriction(const TendonVector& offset_N) noexcept { arcs_.AddFriction(offset_N); }
   /// From `output.reference`: sets reference_tip_W_m, displacement_desired_m, generalised_force_Nm and
   /// tension_desired_base_N. Returns the bound that tensions reached; kOk for the minimum, which is normal
   /// where the backbone alone returns the robot.

@@ -4,25 +4,48 @@
 #pragma once
 
 #include <memory>
+#include <utility>
 
 #include "tendril/core/robot.h"
 #include "tendril/core/status.h"
 #include "tendril/model/capstan.h"
+#include "tendril/model/pull_map.h"
 #include "tendril/model/stop_operator.h"
 
 namespace tendril::control {
 
 class StateArchive;
 
+/// What one motor pulls: a tendon, or a pair as one tendon whose tension is the first's less the second's and
+/// whose path is shortened by s in (k_a d_a - k_b d_b) / (k_a + k_b).
+struct Pulled {
+  double stiffness_Npm, rest_N;  // the latter of the straight robot at rest
+  model::PullMap map;
+
+  Pulled(const TendonDriveParameters& tendon, double rest_tension_N, model::PullMap::Table table)
+      : stiffness_Npm(tendon.tendon.stiffness_Npm),
+        rest_N(rest_tension_N),
+        map(tendon.transmission, std::move(table)) {}
+  Pulled(const model::TendonPairs::Pair& pair, const TendonDriveParameters& first,
+         const TendonDriveParameters& second, model::PullMap::Table first_table,
+         model::PullMap::Table second_table)
+      : stiffness_Npm(first.tendon.stiffness_Npm + second.tendon.stiffness_Npm),
+        rest_N(0),
+        map(pair, first.transmission, std::move(first_table), second.transmission, std::move(second_table)) {}
+};
+
 class Compensation {
  public:
-  /// `table` maps base to motor tension; tendons with the same transmission may share it.
+  Compensation(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
+               Pulled pulled);
+  /// Of a tendon of its own. `table` maps base to motor tension; tendons with the same transmission may share
+  /// it.
   Compensation(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
                std::shared_ptr<const model::CapstanTable> table);
 
   struct Result {
     double sliding = 0;          // z_c in [-1, 1], +1: the motor pulls
-    double tension_motor_N = 0;  // commanded, on the motor side of the pulleys
+    double tension_motor_N = 0;  // commanded, on the motor side of the pulleys; of a pair the pull
     double torque_Nm = 0;        // to be sent: current x torque constant, within the drive's current limit
     Status status = Status::kOk;
   };
@@ -37,16 +60,17 @@ class Compensation {
   void Archive(StateArchive& archive) noexcept;
 
   double max_torque_Nm() const noexcept { return max_torque_Nm_; }
+  model::PullMap& map() noexcept { return pulled_.map; }
 
  private:
   double SpoolPull(double tension_base_N, double shortening_m) const noexcept {
-    return shortening_m + (tension_base_N - min_tension_N_) / stiffness_Npm_;
+    return shortening_m + (tension_base_N - pulled_.rest_N) / pulled_.stiffness_Npm;
   }
 
-  std::shared_ptr<const model::CapstanTable> table_;
+  Pulled pulled_;
   bool capstan_;
-  double stiffness_Npm_, min_tension_N_, max_tension_motor_N_;
-  double travel_m_, efficiency_, coulomb_Nm_, pulley_coulomb_N_, torque_scale_, max_torque_Nm_;
+  double max_tension_motor_N_;
+  double travel_m_, efficiency_, coulomb_Nm_, torque_scale_, max_torque_Nm_;
   model::StopOperators<4> presliding_;
 };
 

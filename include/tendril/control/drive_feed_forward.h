@@ -25,6 +25,9 @@ class StateArchive;
 class DriveFeedForward {
  public:
   DriveFeedForward(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
+                   Pulled pulled, double period_s);
+  /// Of a tendon of its own.
+  DriveFeedForward(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
                    std::shared_ptr<const model::CapstanTable> table, double period_s);
 
   struct Result : Compensation::Result {
@@ -42,17 +45,18 @@ class DriveFeedForward {
   /// Resets the directions; the next step starts from here, at rest.
   void Reset(double tension_base_N, double shortening_m) noexcept;
 
+  model::PullMap& map() noexcept { return pulled_.map; }
+
   void Archive(StateArchive& archive) noexcept;
 
  private:
   double MotorTension(double tension_base_N, double shortening_m, double most_N, bool moving) const noexcept;
-  double BaseTension(double tension_motor_N, double sliding) const noexcept;
 
-  std::shared_ptr<const model::CapstanTable> table_;
+  Pulled pulled_;
   bool capstan_;
-  double period_s_, stiffness_Npm_, min_tension_N_, max_tension_motor_N_, travel_m_, efficiency_,
-      inertia_kgm2_, coulomb_Nm_, coulomb_angle_rad_, coulomb_damping_Nms_, viscous_Nms_, pulley_coulomb_N_,
-      torque_scale_, max_torque_Nm_, loss_step_Nm_, reversal_rad_;
+  double period_s_, max_tension_motor_N_, travel_m_, efficiency_, inertia_kgm2_, coulomb_Nm_,
+      coulomb_angle_rad_, coulomb_damping_Nms_, viscous_Nms_, torque_scale_, max_torque_Nm_, loss_step_Nm_,
+      reversal_rad_;
   model::StopOperators<4> pulleys_;
   std::vector<model::StopOperators<1>> gear_;
   model::DahlState dahl_;

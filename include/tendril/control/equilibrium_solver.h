@@ -27,7 +27,10 @@ class StateArchive;
 class EquilibriumSolver {
  public:
   /// `body` outlives this object. The constructor allocates all memory.
-  EquilibriumSolver(const model::Body& body, const LimitParameters& limits);
+  EquilibriumSolver(const model::Body& body, const LimitParameters& limits, model::TendonPairs pairs = {});
+
+  /// From here on friction adds this to both tensions of pairs.
+  void AddFriction(const TendonVector& offset_N) noexcept { allocator_.AddFriction(offset_N); }
 
   /// One cycle. `least_N` is the present minimum tension, at least the robot's own; `most_N` is each tendon's
   /// maximum, at most the robot's own; the minimum wins where they cross. `tip_shift_W_m` moves the goal of
@@ -75,6 +78,7 @@ class EquilibriumSolver {
 
   // Valid within one call only.
   double min_tension_N_;
+  TendonVector shortening_m_;
   TendonVector most_tension_N_;
   int iterations_ = 0;
   Status status_ = Status::kOk;

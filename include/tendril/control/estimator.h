@@ -12,6 +12,7 @@
 #include "tendril/model/body.h"
 #include "tendril/model/capstan.h"
 #include "tendril/model/stop_operator.h"
+#include "tendril/model/tendon_pairs.h"
 
 namespace tendril::control {
 
@@ -40,6 +41,9 @@ class Estimator {
   ///
   /// Bending directions that no tendon measures come from the static balance, see below, with the prior's
   /// full variance.
+  ///
+  /// Of a pair only what the motor pulls is measured. The tension that both have without it follows from the
+  /// last cycle's shape, and the two displacements are one reading.
   ///
   /// A tendon whose cell shows no tension is slack and does not measure the shape. As its tension falls from
   /// kTaut to kSlack of the minimum tension, or to the cell's noise, its weight falls to zero and its
@@ -73,7 +77,9 @@ class Estimator {
     double sensor_variance_N2;  // of the load cell; without one, of the torque as tension before losses
     LoadCellPlace place;
     double slack_N, range_variance_m2;
-    double taut;  // from 0 (slack) to 1
+    double taut;   // from 0 (slack) to 1
+    int with;      // the other tendon of its pair, -1: it has a motor of its own
+    double share;  // of what the motor pulls, which this tendon of a pair gains
     std::int32_t zero_counts = 0;
     model::StopOperators<4> presliding;
   };
@@ -91,6 +97,7 @@ class Estimator {
   };
 
   double ReadTendon(int tendon, const DriveFeedback& drive, CycleOutput& output) noexcept;
+  Tension PairTension(int tendon, double z, double torque_Nm) const noexcept;
   static Tension TensionOf(const Tendon& tendon, const model::CapstanTable& pulleys, double z,
                            double torque_Nm, double cell_N) noexcept;
   static double MotorSideVariance(const Tendon& tendon, const model::CapstanTable& pulleys, double z,
@@ -103,6 +110,7 @@ class Estimator {
 
   const model::Body& body_;
   const std::vector<std::shared_ptr<const model::CapstanTable>>& tables_;
+  model::TendonPairs pairs_;
   double min_tension_N_, max_bending_rad_, straight_rad2_;
   double kept_, grips_;         // decay of the prediction and recovery of a tendon's weight, per cycle
   double averaged_;             // weight of one cycle in the mean over kZeroed_s
@@ -111,12 +119,14 @@ class Estimator {
       curvature_mprad2_;  // bending b of a section shortens tendon paths by b^2 / 2 times this
   std::vector<Tendon> tendons_;
   void FindPretension();
+  void FindUnpulled() noexcept;
 
   bool pulls_every_way_;
   // Shape and displacements at the minimum tensions, and their derivatives by each tendon's tension.
   Eigen::MatrixXd bend_per_N_, shortening_per_N_;
   BendingVector rest_rad_;
-  TendonVector rest_m_, tension_base_N_, stretch_m_;  // the last two are means over kZeroed_s
+  TendonVector rest_N_, rest_m_, tension_base_N_, stretch_m_;  // the last two are means over kZeroed_s
+  TendonVector unpulled_N_;  // tensions of pairs at the last cycle's shape if their motor did not pull
   BendingVector pretension_rad_, bending_rad_;
   TendonVector pretension_m_, shortening_m_, weight_;
   BendingMatrix covariance_rad2_;  // as far as the sensors make it

@@ -11,6 +11,7 @@
 #include "tendril/core/robot.h"
 #include "tendril/model/body.h"
 #include "tendril/model/capstan.h"
+#include "tendril/model/tendon_pairs.h"
 
 namespace tendril::control {
 
@@ -65,6 +66,7 @@ class Guards {
     double travel_m, travel_per_count_m, stiffness_Npm, efficiency, coulomb_Nm, torque_scale, inertia_kg,
         rated_Nm;
     LoadCellPlace place;
+    bool in_pair;  // its own tension is not known: there is no slack to see
     // State.
     std::array<std::int32_t, kRules> broken_for{};
     bool seen = false;
@@ -96,7 +98,8 @@ class Guards {
   const model::Body& body_;
   const std::vector<std::shared_ptr<const model::CapstanTable>>& tables_;
   TimeNs period_ns_;
-  double max_tension_N_, max_base_N_, min_tension_N_, max_bending_rad_;
+  double max_tension_N_, max_base_N_, max_bending_rad_;
+  TendonVector rest_N_;
   std::int32_t slack_cycles_;
   std::vector<Tendon> tendons_;
   UnitVector q_;  // of this cycle only

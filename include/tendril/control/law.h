@@ -40,6 +40,7 @@ struct LawInput {
   const TendonVector& tension_N;   // commanded at the base in the last cycle
   const TendonVector& displacement_desired_m;  // ... and the tendons' displacement
   const TendonVector& shortening_m;            // of each tendon's path, measured
+  const TendonVector& pair_offset_N;           // what friction adds to both base tensions of pairs
   const TendonVector& weight;                  // of that measurement, from 0 (slack) to 1 (taut)
 };
 

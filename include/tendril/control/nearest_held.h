@@ -15,7 +15,8 @@ namespace tendril::control {
 class NearestHeld {
  public:
   /// `body` outlives this object; tensions are those at the base.
-  NearestHeld(const model::Body& body, double min_tension_N, double max_tension_N);
+  NearestHeld(const model::Body& body, double min_tension_N, double max_tension_N,
+              model::TendonPairs pairs = {});
 
   /// With b(T) the arcs in equilibrium at tensions T, projects `bending_rad` onto the one with the least
   /// |b(T) - requested| within the bounds. For a section whose tendons lie on a line the distance is taken

@@ -33,7 +33,8 @@ class TakeUp {
   void Ramp(const TendonVector& target_N, TendonVector& pull_N) const noexcept;
 
   /// One cycle of homing: each pull rises until its load cell measures the pretension (without a cell: until
-  /// the motor stands), then holds it. A fault names what prevents that.
+  /// the motor stands), then holds it; a motor that pulls a pair is left alone. A fault names what prevents
+  /// that.
   Status Home(const CycleInput& input, const CycleOutput& output, TendonVector& pull_N) noexcept;
   /// All tendons have been taut at pretension for settle_s.
   bool homed() const noexcept { return settled_for_ >= settle_cycles_; }
@@ -47,6 +48,7 @@ class TakeUp {
     double travel_m, travel_per_count_m;  // per motor angle, per count
     double friction_N, efficiency;
     bool cell;
+    bool in_pair;  // pretensioned by assembly: there is no slack to take up
     std::int32_t start_counts = 0, counts = 0;
     double speed_mps = 0;  // low-passed
     std::int32_t standing_for = 0, standing_counts = 0;

@@ -121,6 +121,7 @@ struct MotorParameters {
   double viscous_friction_Nms = 0;
   double torque_lag_s = 0;  // first-order torque loop
   double torque_scale = 1;  // real shaft torque over current x torque_constant_NmpA
+  bool operator==(const MotorParameters&) const = default;
 };
 
 struct DriveParameters {
@@ -128,16 +129,19 @@ struct DriveParameters {
   double current_limit_A = 0;               // object 0x3001:02
   int encoder_counts_per_turn = 0;          // of the motor shaft, as 0x6064 counts them
   double actual_torque_noise_permille = 0;  // rms, of the reported actual torque
+  bool operator==(const DriveParameters&) const = default;
 };
 
 struct GearParameters {
   double ratio = 0;                           // motor turns per spool turn
   double efficiency = 0;                      // driving; 1/efficiency when back-driven
   std::vector<double> presliding_yields_rad;  // stop operators of the motor angle that switch the direction
+  bool operator==(const GearParameters&) const = default;
 };
 
 struct SpoolParameters {
   double radius_m = 0;
+  bool operator==(const SpoolParameters&) const = default;
 };
 
 struct TendonParameters {
@@ -210,9 +214,27 @@ struct LimitParameters {
   double max_bending_rad = 0;  // |(us, vs)| of each section
 };
 
+/// Two opposite tendons of one section on one motor, whose spool winds up the first where it pays out the
+/// second. Motor, drive, gear, spool and node are those of the first.
+struct TendonPair {
+  int first = 0, second = 0;  // 0-based over the sections
+  double pretension_N = 0;    // of both, at the base of the straight robot while the motor does not pull
+};
+
 struct ActuationParameters {
   std::vector<TendonDriveParameters> tendons;  // one a tendon, in tendon order
+  std::vector<TendonPair> pairs;               // of tendons in none a motor each
   std::optional<TrackerParameters> tracker;
+
+  /// The pair of a tendon (0-based); null: it has a motor of its own.
+  const TendonPair* PairOf(int tendon) const;
+  /// Whether a tendon (0-based) has a drive: the second of a pair has none.
+  bool HasDrive(int tendon) const;
+  int drives() const;
+  /// The drive (0-based, in tendon order) that pulls a tendon (0-based), and the tendon that it pulls, of a
+  /// pair the first.
+  int DriveOf(int tendon) const;
+  int TendonOf(int drive) const;
 };
 
 /// An effect that this robot has beyond the nominal model (the list `effects` of a robot file): by name, with
@@ -234,6 +256,10 @@ struct RobotParameters {
   /// what the file says. A tendon's own ("actuation.per_tendon.2.motor.torque_constant_NmpA") goes before
   /// that of all tendons ("actuation.motor.torque_constant_NmpA"). No part of what the robot is.
   std::map<std::string, Uncertainty> uncertain;
+
+  /// Base tension of a tendon (0-based) of the straight robot at rest: limits.min_tension_N, or that of its
+  /// pair.
+  double RestTension_N(int tendon) const;
 };
 
 }  // namespace tendril

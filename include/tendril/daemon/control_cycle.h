@@ -1,15 +1,18 @@
 // One control cycle from SYNC to torques: drive feedback in, Controller::Step, torques out, and the record of
 // all of it. The daemon runs it against the machine's clock and the demo in simulated time; knows nothing of
-// threads or LCM. Reversed motors and encoders are corrected here only.
+// threads or LCM. Reversed motors and encoders are corrected here only, and the drive of a pair becomes one
+// for each of its tendons.
 #pragma once
 
 #include <array>
 #include <functional>
+#include <vector>
 
 #include "tendril/canopen/master.h"
 #include "tendril/control/controller.h"
 #include "tendril/core/cycle.h"
 #include "tendril/core/daemon.h"
+#include "tendril/core/robot.h"
 #include "tendril/rt/cyclic.h"
 
 namespace tendril::daemon {
@@ -21,10 +24,10 @@ class ControlCycle {
   /// lets the drives answer. Must not throw.
   using Wait = std::function<bool(TimeNs deadline_ns)>;
 
-  /// Everything passed in must outlive the cycle. `controller` and `master` have the same drives in the same
-  /// order.
+  /// Everything passed in must outlive the cycle. `master` has the drives of `robot` in tendon order; the
+  /// controller sees one for every tendon, that of a pair twice.
   ControlCycle(control::Controller& controller, canopen::Master& master, const Clock& clock,
-               const BusParameters& bus, Wait wait);
+               const RobotParameters& robot, const BusParameters& bus, Wait wait);
 
   /// SYNC, feedback until complete or bus.feedback_deadline_ns later, Step, torques, then `record` filled.
   /// `command` (kind kNone: nothing new) and `tracker` (valid only when new) become part of the input. No
@@ -37,7 +40,12 @@ class ControlCycle {
   canopen::Master& master_;
   const Clock& clock_;
   TimeNs feedback_deadline_ns_;
-  std::array<bool, kMaxTendons> motor_reversed_{}, encoder_reversed_{};
+  std::array<bool, kMaxTendons> motor_reversed_{}, encoder_reversed_{};  // by drive
+  struct Side {
+    std::size_t drive;
+    bool turned;  // a pair's second tendon, which the drive's positive angle pays out
+  };
+  std::vector<Side> tendons_;
   Wait wait_;
   std::uint64_t deadline_misses_ = 0;
 };

@@ -13,7 +13,7 @@ namespace tendril::model {
 class ArcTensions {
  public:
   /// `body` must outlive this object.
-  explicit ArcTensions(const Body& body);
+  explicit ArcTensions(const Body& body, TendonPairs pairs = {});
 
   /// Tensions from `least_N` to `most_N` that hold (us, vs) at rest; without friction. Where there are none,
   /// those that come nearest, as TensionAllocator says.
@@ -22,6 +22,9 @@ class ArcTensions {
   TensionAllocator::Result Move(const BendingVector& us_vs, const BendingVector& rate_radps,
                                 const BendingVector& acceleration_radps2, double least_N,
                                 double most_N) noexcept;
+
+  /// From here on friction adds this to both tensions of pairs.
+  void AddFriction(const TendonVector& offset_N) noexcept { allocator_.AddFriction(offset_N); }
 
   // Of the last call: unit angles of the arcs, force on the sections, and their force per tension.
   const UnitVector& q() const noexcept { return q_; }
@@ -32,6 +35,7 @@ class ArcTensions {
   const Body& body_;
   Body::Workspace workspace_;
   TensionAllocator allocator_;
+  TendonVector shortening_m_;
   UnitVector q_, dq_, ddq_, unit_force_Nm_;
   BendingVector still_, force_Nm_;
   Eigen::MatrixXd force_per_tension_;

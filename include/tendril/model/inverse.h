@@ -8,6 +8,7 @@
 #include "tendril/core/limits.h"
 #include "tendril/core/status.h"
 #include "tendril/model/body.h"
+#include "tendril/model/tendon_pairs.h"
 
 namespace tendril::model {
 
@@ -43,12 +44,14 @@ class InverseKinematics {
 
 /// Tensions for a required generalised force on the sections: among all T with T_min <= T <= T_max that
 /// produce it, the one with least sum (T - T_min)^2; unique, hence continuous in the force. Where none
-/// exists, the admissible T whose force is nearest, and among these the one of least sum. Stateless: equal
-/// input, equal bits.
+/// exists, the admissible T whose force is nearest, and among these the one of least sum. Antagonistic pairs
+/// have one free number, what their motor pulls; T_min is their tension without pull, and they never need
+/// more than the robot's own minimum. Equal input and shortening, equal bits.
 class TensionAllocator {
  public:
   /// Throws std::invalid_argument outside 1..kMaxTendons and 1..2 kMaxSections.
-  TensionAllocator(int tendons, int forces);
+  /// The pairs are at the straight robot's tensions until Bend says otherwise.
+  TensionAllocator(int tendons, int forces, TendonPairs pairs = {});
 
   struct Result {
     TendonVector tension_N;
@@ -68,8 +71,21 @@ class TensionAllocator {
   Result Allocate(const Eigen::Ref<const Eigen::MatrixXd>& jacobian, ConstVectorRef force_Nm,
                   double min_tension_N, const TendonVector& max_tension_N) const noexcept;
 
+  /// From here on the body shortens the tendons' paths by this, which changes the tensions of pairs.
+  void Bend(const TendonVector& shortening_m) noexcept;
+  /// From here on friction adds this to both tensions of pairs.
+  void AddFriction(const TendonVector& offset_N) noexcept;
+  bool has_pairs() const noexcept { return !pairs_.empty(); }
+  /// Tensions that no motor pulls: `min_tension_N`, of pairs their own.
+  TendonVector Unpulled_N(double min_tension_N) const noexcept;
+
  private:
+  Result AllocatePairs(const Eigen::Ref<const Eigen::MatrixXd>& jacobian, ConstVectorRef force_Nm,
+                       double min_tension_N, const TendonVector& max_tension_N) const noexcept;
+
   int tendons_, forces_;
+  TendonPairs pairs_;
+  TendonVector shortening_m_, offset_N_;
 };
 
 /// 2K x M: generalised force on the sections' arc motion per unit tension, at (us, vs).

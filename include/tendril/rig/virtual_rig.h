@@ -43,10 +43,10 @@ class DriveProfiles {
 
 class VirtualRig {
  public:
-  /// Drives answer as the node ids of the robot's actuation, in tendon order, as EPOS4s unless `profiles` has
-  /// their node; load cells are on each drive's first analog input, or the one of its profile. Throws
-  /// std::invalid_argument when the robot has no actuation. `port` must outlive the rig. `more` drives follow
-  /// those of the tendons; the caller simulates what is behind them.
+  /// Drives answer as the node ids of the robot's actuation, in the order of their tendons, as EPOS4s unless
+  /// `profiles` has their node; load cells are on each drive's first analog input, or the one of its profile.
+  /// Throws std::invalid_argument when the robot has no actuation. `port` must outlive the rig. `more` drives
+  /// follow those of the tendons; the caller simulates what is behind them.
   VirtualRig(const RobotParameters& robot, can::CanPort& port, const sim::PlantOptions& options = {},
              const DriveProfiles& profiles = {},
              std::span<const emulator::EmulatedDriveParameters> more = {});
@@ -82,10 +82,11 @@ class VirtualRig {
   emulator::DriveRack rack_;
   std::optional<TimeNs> start_ns_;
   TimeNs next_reading_ns_ = 0;  // of the tracker, in the plant's time
-  std::vector<bool> released_;  // its drive was enabled once
+  std::vector<int> tendon_of_;  // by drive
+  std::vector<bool> released_;  // by drive: it was enabled once
   bool brakes_held_ = false;
-  Eigen::VectorXd torque_Nm_;  // present torque
-  std::vector<Wiring> wiring_;
+  Eigen::VectorXd torque_Nm_;   // present torque, by tendon
+  std::vector<Wiring> wiring_;  // by drive
   struct EmptySpool {
     double angle_rad = 0, velocity_radps = 0, torque_Nm = 0;
   };

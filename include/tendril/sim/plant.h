@@ -22,7 +22,8 @@ struct PlantOptions {
   double absolute_tolerance = 3e-8;  // bending [rad]; other states scaled to it
 };
 
-/// True state of one tendon's drivetrain.
+/// True state of one tendon's drivetrain. Angle, velocity and torque of a pair's second tendon are those of
+/// the first, turned round.
 struct TendonState {
   double motor_angle_rad = 0;
   double motor_velocity_radps = 0;
@@ -48,7 +49,7 @@ struct TrackerReading {
 
 class Plant {
  public:
-  /// Starts straight, at rest, with every tendon at the minimum tension and the torque that holds it. Throws
+  /// Starts straight, at rest, with every tendon at its rest tension and the torque that holds it. Throws
   /// std::invalid_argument when the robot has no actuation.
   explicit Plant(const RobotParameters& robot, const PlantOptions& options = {});
   ~Plant();
@@ -58,7 +59,8 @@ class Plant {
   int tendons() const;
   const model::Body& body() const;
 
-  /// Sets the torque command of each motor's torque loop from now on [N·m], one per tendon.
+  /// Sets the torque command of each motor's torque loop from now on [N·m], one per tendon; that of a pair's
+  /// second tendon is not used.
   void SetTorque(const Eigen::Ref<const Eigen::VectorXd>& torque_Nm);
   /// Integrates by dt > 0. Throws std::runtime_error with the solver's reason when it gives up.
   void Advance(TimeNs dt_ns);

@@ -61,8 +61,8 @@ double MotorFrictionMoment(const RobotParameters& robot) {
 
 EquilibriumLaw::EquilibriumLaw(const LawSetup& setup)
     : setup_(setup),
-      arcs_(setup.body),
-      solver_(setup.body, setup.limits),
+      arcs_(setup.body, model::TendonPairs(setup.robot)),
+      solver_(setup.body, setup.limits, model::TendonPairs(setup.robot)),
       unit_force_Nm_(UnitVector::Zero(setup.body.dof())) {
   if (setup.parameters.shape_feedback) {
     shape_feedback_.emplace(setup.body, kShapeFeedback / setup.tension_loop_radps,
@@ -79,6 +79,8 @@ void EquilibriumLaw::Reset() noexcept {
 }
 
 LawSolution EquilibriumLaw::Solve(const LawInput& cycle, CycleOutput& output) noexcept {
+  arcs_.AddFriction(cycle.pair_offset_N);
+  solver_.AddFriction(cycle.pair_offset_N);
   const Status bound = arcs_.Step(setup_.limits, output);
   if (!cycle.controls_shape) {
     solver_.Reset();

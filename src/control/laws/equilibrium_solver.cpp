@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "tendril/control/state_archive.h"
 #include "tendril/model/pull_cone.h"
@@ -18,15 +19,17 @@ constexpr double kAccepted_rad = 2e-3;  // the solution has not converged if the
 
 }  // namespace
 
-EquilibriumSolver::EquilibriumSolver(const model::Body& body, const LimitParameters& limits)
+EquilibriumSolver::EquilibriumSolver(const model::Body& body, const LimitParameters& limits,
+                                     model::TendonPairs pairs)
     : body_(body),
       robot_min_tension_N_(limits.min_tension_N),
       max_tension_N_(limits.max_tension_base_N),
       workspace_(body),
-      allocator_(body.tendons(), 2 * body.sections()),
+      allocator_(body.tendons(), 2 * body.sections(), std::move(pairs)),
       q_(UnitVector::Zero(body.dof())),
-      tension_N_(TendonVector::Constant(body.tendons(), limits.min_tension_N)),
+      tension_N_(allocator_.Unpulled_N(limits.min_tension_N)),
       min_tension_N_(limits.min_tension_N),
+      shortening_m_(tension_N_),
       most_tension_N_(tension_N_),
       arc_q_(q_),
       dq_(q_),
@@ -100,6 +103,12 @@ bool EquilibriumSolver::Step(double& size_rad) noexcept {
   const auto slope = goal_per_tension_.leftCols(m);
   const BendingVector required =
       goal_gap_ - goal_per_tension_.col(m) + BendingVector(slope.lazyProduct(tension_N_));
+  // Of pairs the shape changes the tension that no motor pulls. Its slope is small against the body's
+  // stiffness, so that following it from step to step is enough.
+  if (allocator_.has_pairs()) {
+    body_.TendonShortening(q_, shortening_m_);
+    allocator_.Bend(shortening_m_);
+  }
   const auto allocated = allocator_.Allocate(slope, required, min_tension_N_, most_tension_N_);
   const TendonVector change_N = allocated.tension_N - tension_N_;
   UnitVector step = solved_.col(m);

@@ -8,11 +8,13 @@ namespace {
 
 class PaperLaw final : public Law {
  public:
-  explicit PaperLaw(const LawSetup& setup) : limits_(setup.limits), arcs_(setup.body) {}
+  explicit PaperLaw(const LawSetup& setup)
+      : limits_(setup.limits), arcs_(setup.body, model::TendonPairs(setup.robot)) {}
 
   void Reset() noexcept override {}
 
   LawSolution Solve(const LawInput& cycle, CycleOutput& output) noexcept override {
+    arcs_.AddFriction(cycle.pair_offset_N);
     const Status bound = arcs_.Step(limits_, output);
     if (cycle.controls_shape) Report(output, bound);
     return {.has_paths = !cycle.tension_commanded, .arc_shortening_m = output.displacement_desired_m};

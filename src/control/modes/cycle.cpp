@@ -87,6 +87,7 @@ bool Modes::EndPretension(const CycleInput& input, CycleOutput& output) noexcept
 // The first tendon measured slack, from 1; 0: none.
 int Modes::SlackTendon(const CycleOutput& output) const noexcept {
   for (int j = 0; j < tendons_; ++j) {
+    if (pairs_.Has(j)) continue;  // assembly has pretensioned it
     if (output.tension_measured_N[j] < parameters_.guards.slack_tension_N) return j + 1;
   }
   return 0;

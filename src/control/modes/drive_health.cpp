@@ -25,8 +25,9 @@ Status FirstOf(Status first, Status then) noexcept { return first != Status::kOk
 
 }  // namespace
 
-DriveHealth::DriveHealth(int tendons, const GuardParameters& parameters, Guards& guards)
-    : tendons_(tendons),
+DriveHealth::DriveHealth(const RobotParameters& robot, const GuardParameters& parameters, Guards& guards)
+    : tendons_(robot.body.tendons()),
+      pairs_(robot),
       max_missing_cycles_(parameters.max_missing_cycles),
       slack_tension_N_(parameters.slack_tension_N),
       guards_(guards) {}
@@ -87,7 +88,8 @@ Status DriveHealth::CheckDrive(const DriveFeedback& d, int j, bool overdue, bool
     // Without torque on the tendons a stale value is harmless; arming waits for a fresh one.
     if (powered && d.age_cycles > max_missing_cycles_) fault(Status::kFeedbackStale);
   }
-  if (state.controls_shape() && output.tension_measured_N[j] < slack_tension_N_)
+  // The tension of a pair's tendon is inferred from the motor's, without a sensor to see it slack.
+  if (state.controls_shape() && output.tension_measured_N[j] < slack_tension_N_ && !pairs_.Has(j))
     Report(output, Status::kSlack);
   return worst;
 }

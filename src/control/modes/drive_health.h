@@ -8,6 +8,8 @@
 #include "tendril/control/guards.h"
 #include "tendril/core/cycle.h"
 #include "tendril/core/daemon.h"
+#include "tendril/core/robot.h"
+#include "tendril/model/tendon_pairs.h"
 
 namespace tendril::control {
 
@@ -16,7 +18,7 @@ class StateArchive;
 class DriveHealth {
  public:
   /// The guards outlive this object.
-  DriveHealth(int tendons, const GuardParameters& parameters, Guards& guards);
+  DriveHealth(const RobotParameters& robot, const GuardParameters& parameters, Guards& guards);
 
   struct Commanded {
     bool tension = false;  // some tension is commanded
@@ -41,6 +43,7 @@ class DriveHealth {
   Status NotReady(const CycleInput& input) const noexcept;
 
   int tendons_;
+  model::TendonPairs pairs_;
   int max_missing_cycles_;
   double slack_tension_N_;
   Guards& guards_;

@@ -58,7 +58,7 @@ void Modes::BeginAtPretension(const CycleInput& input) noexcept {
   stages_.reference.Reset(stages_.estimator.pretension_rad());
   if (state_.bare) {
     stages_.guards.Restart();
-    stages_.tensions.SetToMinimum();
+    stages_.tensions.SetToRest();
   }
   stages_.tensions.Leave();
   state_.bare = false;

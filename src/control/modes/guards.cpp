@@ -29,8 +29,8 @@ Guards::Guards(const RobotParameters& robot, const GuardParameters& parameters, 
       period_ns_(period_ns),
       max_tension_N_(robot.limits.max_tension_motor_N * (1 + parameters.tension_margin)),
       max_base_N_(robot.limits.max_tension_base_N * (1 + parameters.tension_margin)),
-      min_tension_N_(robot.limits.min_tension_N),
       max_bending_rad_(robot.limits.max_bending_rad + parameters.max_bending_excess_rad),
+      rest_N_(model::RestTensions_N(robot)),
       slack_cycles_(static_cast<std::int32_t>(parameters.max_slack_s * 1e9 / static_cast<double>(period_ns)) +
                     1),
       q_(UnitVector::Zero(body.dof())),
@@ -45,7 +45,8 @@ Guards::Guards(const RobotParameters& robot, const GuardParameters& parameters, 
                         .torque_scale = t.motor.torque_scale,
                         .inertia_kg = t.motor.rotor_inertia_kgm2 / (travel_m * travel_m),
                         .rated_Nm = t.drive.rated_torque_Nm,
-                        .place = t.load_cell.place});
+                        .place = t.load_cell.place,
+                        .in_pair = robot.actuation->PairOf(static_cast<int>(tendons_.size())) != nullptr});
   }
 }
 
@@ -101,7 +102,7 @@ Status Guards::Check(const CycleInput& input, const CycleOutput& output,
     keep(CheckMotion(t, drive, expected.powered));
     keep(CheckTorque(t, drive, expected.powered));
     keep(CheckCell(j, drive, output, expected.powered && expected.trusted));
-    const bool slack = expected.tensioned &&
+    const bool slack = expected.tensioned && !t.in_pair &&
                        output.tension_measured_N[static_cast<Eigen::Index>(j)] < parameters_.slack_tension_N;
     // Noise may show a slack tendon taut for a cycle, so the counter decays instead of restarting.
     std::int32_t& slack_for = t.broken_for[kSlack];
@@ -245,7 +246,7 @@ Status Guards::CheckShape(const CycleOutput& output, const Expectation& expected
     body_.TendonShortening(q_, modelled_m);
     for (std::size_t j = 0; j < tendons_.size(); ++j) {
       const auto at = static_cast<Eigen::Index>(j);
-      const double stretch_m = (MotorTension(j, output) - min_tension_N_) / tendons_[j].stiffness_Npm;
+      const double stretch_m = (MotorTension(j, output) - rest_N_[at]) / tendons_[j].stiffness_Npm;
       // The spool of a slack tendon does not measure the shape.
       if (output.tension_measured_N[at] < parameters_.slack_tension_N) {
         residual_m = 0;

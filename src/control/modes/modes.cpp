@@ -10,11 +10,12 @@ Modes::Modes(const RobotParameters& robot, const ControllerParameters& parameter
       limits_(limits),
       sections_(static_cast<int>(robot.body.sections.size())),
       tendons_(robot.body.tendons()),
+      pairs_(robot),
       stages_(stages),
       gate_(robot, parameters.trajectory.default_speed_radps, parameters.take_up.pull_N),
       take_up_(robot, parameters.take_up, parameters.pretension_ramp_Nps, parameters.pretension_settle_s,
                period_ns),
-      health_(tendons_, parameters.guards, stages.guards) {}
+      health_(robot, parameters.guards, stages.guards) {}
 
 void Modes::Archive(StateArchive& a) noexcept {
   gate_.Archive(a);

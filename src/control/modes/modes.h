@@ -82,6 +82,7 @@ class Modes {
   const ControllerParameters& parameters_;
   LimitParameters limits_;
   int sections_, tendons_;
+  model::TendonPairs pairs_;
   Stages stages_;
   CommandGate gate_;
   TakeUp take_up_;

@@ -44,7 +44,8 @@ TakeUp::TakeUp(const RobotParameters& robot, const TakeUpParameters& parameters,
                         .travel_per_count_m = TravelPerCount(t),
                         .friction_N = FrictionAtSpool(t),
                         .efficiency = t.gear.efficiency,
-                        .cell = t.load_cell.place != LoadCellPlace::kNone});
+                        .cell = t.load_cell.place != LoadCellPlace::kNone,
+                        .in_pair = robot.actuation->PairOf(static_cast<int>(tendons_.size())) != nullptr});
   }
 }
 
@@ -55,7 +56,7 @@ void TakeUp::Start(const CycleInput& input) noexcept {
     t.start_counts = t.counts = t.standing_counts = input.drive[j].position_counts;
     t.speed_mps = 0;
     t.standing_for = t.same_for = 0;
-    t.taut = false;
+    t.taut = t.in_pair;
   }
 }
 

@@ -14,7 +14,7 @@ void Modes::CommandTensions(bool switched, CycleOutput& output) noexcept {
       break;
     case Mode::kPretension:
       if (!tensions.joined()) state_.settled_since_ns = output.time_ns;
-      tensions.Follow(TendonVector::Constant(tendons_, limits_.min_tension_N));
+      tensions.Follow(tensions.rest_N());
       break;
     case Mode::kRunning:
     case Mode::kHold:
@@ -46,9 +46,11 @@ void Modes::CommandShape(bool switched, CycleOutput& output) noexcept {
   const bool asked = gate_.target().kind == CommandKind::kTension;
   const TendonVector commanded_N = asked ? gate_.target().tension_N : tensions.tension_N();
   const double least_N = limits_.min_tension_N, most_N = limits_.max_tension_base_N;
-  tensions.FollowCommand(commanded_N.cwiseMax(least_N).cwiseMin(most_N), switched);
+  TendonVector goal_N = commanded_N.cwiseMax(least_N).cwiseMin(most_N);
+  const bool pair_limited = pairs_.ShareWithin(stages_.estimator.shortening_m(), most_N, goal_N);
+  tensions.FollowCommand(goal_N, switched);
   if (commanded_N.minCoeff() < least_N) Report(output, Status::kLimitedTensionMin);
-  if (commanded_N.maxCoeff() > most_N) Report(output, Status::kLimitedTensionMax);
+  if (commanded_N.maxCoeff() > most_N || pair_limited) Report(output, Status::kLimitedTensionMax);
 }
 
 }  // namespace tendril::control

@@ -11,18 +11,34 @@ namespace tendril::control {
 // A tendon this close to pretension counts as released.
 constexpr double kReleasedTension_N = 1e-6;
 
-CommandedTensions::CommandedTensions(int tendons, const LimitParameters& limits, double rate_Nps,
-                                     double period_s, std::optional<TensionRamp> ramp)
-    : min_tension_N_(limits.min_tension_N),
+CommandedTensions::CommandedTensions(const RobotParameters& robot, double rate_Nps, double period_s,
+                                     std::optional<TensionRamp> ramp)
+    : min_tension_N_(robot.limits.min_tension_N),
       own_rate_Nps_(rate_Nps),
       period_s_(period_s),
+      pairs_(robot),
+      rest_N_(model::RestTensions_N(robot)),
+      none_N_(TendonVector::Zero(robot.body.tendons())),
       ramp_(std::move(ramp)),
-      tension_N_(TendonVector::Zero(tendons)),
-      rate_Nps_(rate_Nps) {}
+      tension_N_(none_N_),
+      rate_Nps_(rate_Nps) {
+  for (const auto& pair : pairs_.all()) none_N_[pair.first] = none_N_[pair.second] = pair.pretension_N;
+  tension_N_ = none_N_;
+}
 
 bool CommandedTensions::Released() const noexcept {
-  return tension_N_.maxCoeff() <= min_tension_N_ + kReleasedTension_N &&
-         tension_N_.minCoeff() >= -kReleasedTension_N;
+  return (tension_N_ - Goal()).cwiseAbs().maxCoeff() <= kReleasedTension_N;
+}
+
+// Where tensions ramp down to.
+TendonVector CommandedTensions::Goal() const noexcept {
+  TendonVector goal_N = tension_N_.cwiseMin(min_tension_N_).cwiseMax(0);
+  for (const auto& pair : pairs_.all()) {
+    const double unpulled_N =
+        tension_N_[pair.second] + (1 - pair.first_share) * (tension_N_[pair.first] - tension_N_[pair.second]);
+    goal_N[pair.first] = goal_N[pair.second] = unpulled_N;
+  }
+  return goal_N;
 }
 
 void CommandedTensions::Reset() noexcept {
@@ -64,9 +80,9 @@ void CommandedTensions::FollowCommand(const TendonVector& goal_N, bool starts) n
 void CommandedTensions::RampDown(std::optional<double> within_s) noexcept {
   if (within_s) {
     const double left_s = std::max(*within_s, period_s_);
-    rate_Nps_ = std::max(rate_Nps_, (tension_N_.maxCoeff() - min_tension_N_) / left_s);
+    rate_Nps_ = std::max(rate_Nps_, (tension_N_ - Goal()).maxCoeff() / left_s);
   }
-  RampTo(tension_N_.cwiseMin(min_tension_N_).cwiseMax(0));
+  RampTo(Goal());
 }
 
 void CommandedTensions::Archive(StateArchive& a) noexcept {

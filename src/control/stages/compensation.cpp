@@ -10,15 +10,16 @@ namespace tendril::control {
 
 Compensation::Compensation(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
                            std::shared_ptr<const model::CapstanTable> table)
-    : table_(std::move(table)),
+    : Compensation(drive, limits, capstan, Pulled(drive, limits.min_tension_N, std::move(table))) {}
+
+Compensation::Compensation(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
+                           Pulled pulled)
+    : pulled_(std::move(pulled)),
       capstan_(capstan),
-      stiffness_Npm_(drive.tendon.stiffness_Npm),
-      min_tension_N_(limits.min_tension_N),
       max_tension_motor_N_(limits.max_tension_motor_N),
       travel_m_(drive.SpoolTravelPerMotorRad()),
       efficiency_(drive.gear.efficiency),
       coulomb_Nm_(drive.motor.coulomb_friction_Nm),
-      pulley_coulomb_N_(drive.transmission.coulomb_N),
       torque_scale_(drive.motor.torque_scale),
       max_torque_Nm_(drive.motor.torque_constant_NmpA * drive.drive.current_limit_A),
       presliding_(model::PulleyPresliding(drive.transmission.presliding_m)) {}
@@ -36,17 +37,15 @@ Compensation::Result Compensation::Step(double tension_base_N, double shortening
     r.sliding = presliding_.Hold(pull_m);
   }
   r.tension_motor_N = tension_base_N;
-  if (capstan_) {
-    const double load_N = std::max(0.0, tension_base_N + pulley_coulomb_N_ * r.sliding);
-    r.tension_motor_N = table_->BaseToMotor(load_N, r.sliding);
-  }
-  if (r.tension_motor_N > max_tension_motor_N_) {
-    r.tension_motor_N = max_tension_motor_N_;
+  if (capstan_) r.tension_motor_N = pulled_.map.BaseToMotor(tension_base_N, r.sliding);
+  if (std::abs(r.tension_motor_N) > max_tension_motor_N_) {
+    r.tension_motor_N = std::copysign(max_tension_motor_N_, r.tension_motor_N);
     r.status = Status::kLimitedMotorTension;
   }
   // Gear losses follow the direction of power, Coulomb friction opposes motion. Both use the pulley's smooth
   // sliding direction, so the torque is continuous through a reversal.
-  r.torque_Nm = r.tension_motor_N * travel_m_ * std::pow(efficiency_, -r.sliding) + coulomb_Nm_ * r.sliding;
+  const double gear = std::pow(efficiency_, r.tension_motor_N < 0 ? r.sliding : -r.sliding);
+  r.torque_Nm = r.tension_motor_N * travel_m_ * gear + coulomb_Nm_ * r.sliding;
   r.torque_Nm /= torque_scale_;  // the drive's torque unit is nominal: current x torque constant
   if (std::abs(r.torque_Nm) > max_torque_Nm_) {
     r.torque_Nm = std::copysign(max_torque_Nm_, r.torque_Nm);

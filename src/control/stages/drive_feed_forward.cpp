@@ -26,11 +26,14 @@ constexpr double kLossStep = 0.005, kFastestLoss = 7;
 DriveFeedForward::DriveFeedForward(const TendonDriveParameters& drive, const LimitParameters& limits,
                                    bool capstan, std::shared_ptr<const model::CapstanTable> table,
                                    double period_s)
-    : table_(std::move(table)),
+    : DriveFeedForward(drive, limits, capstan, Pulled(drive, limits.min_tension_N, std::move(table)),
+                       period_s) {}
+
+DriveFeedForward::DriveFeedForward(const TendonDriveParameters& drive, const LimitParameters& limits,
+                                   bool capstan, Pulled pulled, double period_s)
+    : pulled_(std::move(pulled)),
       capstan_(capstan),
       period_s_(period_s),
-      stiffness_Npm_(drive.tendon.stiffness_Npm),
-      min_tension_N_(limits.min_tension_N),
       max_tension_motor_N_(limits.max_tension_motor_N),
       travel_m_(drive.SpoolTravelPerMotorRad()),
       efficiency_(drive.gear.efficiency),
@@ -39,7 +42,6 @@ DriveFeedForward::DriveFeedForward(const TendonDriveParameters& drive, const Lim
       coulomb_angle_rad_(drive.motor.coulomb_angle_rad),
       coulomb_damping_Nms_(drive.motor.coulomb_damping_Nms),
       viscous_Nms_(drive.motor.viscous_friction_Nms),
-      pulley_coulomb_N_(drive.transmission.coulomb_N),
       torque_scale_(drive.motor.torque_scale),
       max_torque_Nm_(drive.motor.torque_constant_NmpA * drive.drive.current_limit_A),
       loss_step_Nm_(kLossStep * drive.drive.rated_torque_Nm),
@@ -53,7 +55,7 @@ DriveFeedForward::DriveFeedForward(const TendonDriveParameters& drive, const Lim
 }
 
 void DriveFeedForward::Reset(double tension_base_N, double shortening_m) noexcept {
-  const double pull_m = shortening_m + (tension_base_N - min_tension_N_) / stiffness_Npm_;
+  const double pull_m = shortening_m + (tension_base_N - pulled_.rest_N) / pulled_.stiffness_Npm;
   pulleys_.Reset(0.5 * (pull_m + shortening_m));
   for (auto& g : gear_) g.Reset(pull_m / travel_m_);
   dahl_.Reset(pull_m / travel_m_);
@@ -62,10 +64,6 @@ void DriveFeedForward::Reset(double tension_base_N, double shortening_m) noexcep
   shortening_m_ = shortening_m;
   tension_base_N_ = tension_base_N;
   still_ = true;
-}
-
-double DriveFeedForward::BaseTension(double tension_motor_N, double sliding) const noexcept {
-  return table_->MotorToBase(tension_motor_N, sliding) - pulley_coulomb_N_ * sliding;
 }
 
 // The pre-sliding at a motor tension depends on how far that tension stretches the tendon, so T_m is found by
@@ -77,12 +75,12 @@ double DriveFeedForward::MotorTension(double tension_base_N, double shortening_m
                                       bool moving) const noexcept {
   if (!capstan_) return tension_base_N;
   const auto missing_N = [&](double tension_motor_N) {
-    const double slide_m = shortening_m + 0.5 * (tension_motor_N - min_tension_N_) / stiffness_Npm_;
+    const double slide_m = shortening_m + 0.5 * (tension_motor_N - pulled_.rest_N) / pulled_.stiffness_Npm;
     const double z = moving ? pulleys_.Peek(slide_m) : model::StopOperators<4>(pulleys_).Hold(slide_m);
-    return BaseTension(tension_motor_N, z) - tension_base_N;
+    return pulled_.map.MotorToBase(tension_motor_N, z) - tension_base_N;
   };
-  const double paid_out_N = table_->Release(std::max(0.0, tension_base_N - pulley_coulomb_N_));
-  const double pulled_N = table_->Pull(tension_base_N + pulley_coulomb_N_);
+  const double paid_out_N = pulled_.map.LeastAtMotor(tension_base_N);
+  const double pulled_N = pulled_.map.MostAtMotor(tension_base_N);
   double near_N = std::clamp(tension_base_N + friction_N_, paid_out_N, pulled_N);
   double at_near = missing_N(near_N);
   if (std::abs(at_near) <= kSolved_N) return near_N;
@@ -119,18 +117,20 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   // shape is not controlled there is no limit. A robot that resumes from such a fold changes no faster than
   // one that never stopped.
   const double moved_m = still_ ? 0 : std::abs(shortening_m - shortening_m_);
-  const double pulled_N = stiffness_Npm_ * moved_m + std::abs(tension_base_N - tension_base_N_);
+  const double pulled_N = pulled_.stiffness_Npm * moved_m + std::abs(tension_base_N - tension_base_N_);
   const double fast = moved_m / (moved_m + kSlow_mps * period_s_);
-  const double most_N = moving ? std::min(kFrictionPerPull * pulled_N,
-                                          kFrictionRate_Nps * period_s_ + fast * stiffness_Npm_ * moved_m)
-                               : max_tension_motor_N_;
+  const double most_N = moving
+                            ? std::min(kFrictionPerPull * pulled_N,
+                                       kFrictionRate_Nps * period_s_ + fast * pulled_.stiffness_Npm * moved_m)
+                            : max_tension_motor_N_;
   friction_N_ = MotorTension(tension_base_N, shortening_m, most_N, moving) - tension_base_N;
-  r.tension_motor_N = std::max(0.0, tension_base_N + friction_N_);
-  if (r.tension_motor_N > max_tension_motor_N_) {
-    r.tension_motor_N = max_tension_motor_N_;
+  r.tension_motor_N = tension_base_N + friction_N_;
+  if (!pulled_.map.is_pair()) r.tension_motor_N = std::max(0.0, r.tension_motor_N);
+  if (std::abs(r.tension_motor_N) > max_tension_motor_N_) {
+    r.tension_motor_N = std::copysign(max_tension_motor_N_, r.tension_motor_N);
     r.status = Status::kLimitedMotorTension;
   }
-  const double pull_m = shortening_m + (r.tension_motor_N - min_tension_N_) / stiffness_Npm_;
+  const double pull_m = shortening_m + (r.tension_motor_N - pulled_.rest_N) / pulled_.stiffness_Npm;
   const double angle_rad = pull_m / travel_m_;
   double rate_mps = 0, acceleration_mps2 = 0, zeta = 0, gear = 0;
   if (moving) {
@@ -155,7 +155,7 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   if (!moving) arc_rate_mps_ = 0;
 
   r.motor_velocity_radps = rate_mps / travel_m_;
-  r.load_torque_per_N = travel_m_ * std::pow(efficiency_, -gear);
+  r.load_torque_per_N = travel_m_ * std::pow(efficiency_, r.tension_motor_N < 0 ? gear : -gear);
   const double zeta_rate =
       (r.motor_velocity_radps - std::abs(r.motor_velocity_radps) * zeta) / coulomb_angle_rad_;
   const double loss_Nm = r.tension_motor_N * (r.load_torque_per_N - travel_m_) + coulomb_Nm_ * zeta +
@@ -163,7 +163,8 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   // The loss that a reversal changes, spread over the motor angle of the reversal: the limit for commanded
   // motion alone. Friction released by the pulleys also moves the motor through its pre-sliding within a few
   // cycles; a full change then would be a torque step.
-  const double turned_Nm = 2 * coulomb_Nm_ + r.tension_motor_N * travel_m_ * (1 / efficiency_ - efficiency_);
+  const double load_N = std::abs(r.tension_motor_N);
+  const double turned_Nm = 2 * coulomb_Nm_ + load_N * travel_m_ * (1 / efficiency_ - efficiency_);
   const double most_Nm = std::clamp(turned_Nm * std::abs(r.motor_velocity_radps) * period_s_ / reversal_rad_,
                                     loss_step_Nm_, kFastestLoss * loss_step_Nm_);
   loss_Nm_ = fresh ? loss_Nm : loss_Nm_ + std::clamp(loss_Nm - loss_Nm_, -most_Nm, most_Nm);

@@ -32,17 +32,32 @@ DriveTorques::DriveTorques(const RobotParameters& robot, const ControllerParamet
       tables_(tables),
       tendons_(robot.body.tendons()),
       period_s_(period_s),
-      last_reference_N_(TendonVector::Zero(tendons_)),
+      pairs_(robot),
+      pull_N_(TendonVector::Zero(tendons_)),
+      path_m_(pull_N_),
+      arc_m_(pull_N_),
+      unpulled_N_(pull_N_),
+      pair_offset_N_(pull_N_),
+      last_reference_N_(pull_N_),
       last_reference_m_(last_reference_N_),
       last_displacement_m_(last_reference_N_) {
   const bool capstan = parameters.capstan_compensation;
   for (int j = 0; j < tendons_; ++j) {
     const TendonDriveParameters& drive = robot.actuation->tendons[j];
-    compensation_.emplace_back(drive, robot.limits, capstan, tables[j]);
+    compensation_.emplace_back(drive, robot.limits, capstan, PulledBy(j));
     if (!feeds_forward) continue;
-    feed_forward_.emplace_back(drive, robot.limits, capstan, tables[j], period_s);
+    feed_forward_.emplace_back(drive, robot.limits, capstan, PulledBy(j), period_s);
     if (gains) feedback_.emplace_back(drive, robot.limits, *gains, j, period_s);
   }
+}
+
+// The second tendon of a pair has no torque; its entry only keeps tendons' order.
+Pulled DriveTorques::PulledBy(int j) const {
+  const auto& tendons = robot_.actuation->tendons;
+  for (const auto& pair : pairs_.all()) {
+    if (pair.first == j) return {pair, tendons[j], tendons[pair.second], tables_[j], tables_[pair.second]};
+  }
+  return {tendons[j], robot_.limits.min_tension_N, tables_[j]};
 }
 
 void DriveTorques::Reset(const TendonVector& shortening_m) noexcept {
@@ -53,6 +68,7 @@ void DriveTorques::Reset(const TendonVector& shortening_m) noexcept {
   }
   for (auto& k : feed_forward_) k.Reset(0, 0);
   for (auto& k : feedback_) k.Reset();
+  pair_offset_N_.setZero();
   last_fed_back_Nm_.fill(0);
   fed_back_at_N_.fill(0);
 }
@@ -60,6 +76,10 @@ void DriveTorques::Reset(const TendonVector& shortening_m) noexcept {
 void DriveTorques::Step(const Cycle& cycle, CycleOutput& output) noexcept {
   rests_ = Rests(output, cycle.tension_N);
   most_rotor_N_ = 0;
+  pull_N_ = cycle.tension_N;
+  path_m_ = output.displacement_desired_m;
+  arc_m_ = cycle.arc_shortening_m;
+  for (const auto& pair : pairs_.all()) JoinPair(pair, output);
   for (int j = 0; j < tendons_; ++j) {
     Compensation::Result r = Torque(j, cycle, output);
     if (LostTendon(j, cycle, output)) r.torque_Nm = 0;
@@ -68,8 +88,44 @@ void DriveTorques::Step(const Cycle& cycle, CycleOutput& output) noexcept {
     output.torque_desired_Nm[j] = r.torque_Nm;
     Report(output, r.status);
   }
+  for (const auto& pair : pairs_.all()) PartPair(pair, cycle, output);
   rotor_N_ = std::max(most_rotor_N_, rotor_N_ - kRotorFades_Nps * period_s_);
   last_displacement_m_ = output.displacement_m;
+}
+
+// A pair becomes what its motor pulls.
+void DriveTorques::JoinPair(const model::TendonPairs::Pair& pair, const CycleOutput& output) noexcept {
+  const double a = pair.first_share, b = 1 - a;
+  unpulled_N_[pair.first] = model::TendonPairs::Unpulled_N(pair, output.displacement_desired_m);
+  compensation_[pair.first].map().SetUnpulled(unpulled_N_[pair.first]);
+  if (!feed_forward_.empty()) feed_forward_[pair.first].map().SetUnpulled(unpulled_N_[pair.first]);
+  pull_N_[pair.first] -= pull_N_[pair.second];
+  path_m_[pair.first] = a * path_m_[pair.first] - b * path_m_[pair.second];
+  arc_m_[pair.first] = a * arc_m_[pair.first] - b * arc_m_[pair.second];
+}
+
+// What the motor pulls becomes the tensions of both. Friction changes what they have at the base, for the
+// springs share the pull on the motor's side of the pulleys.
+void DriveTorques::PartPair(const model::TendonPairs::Pair& pair, const Cycle& cycle,
+                            CycleOutput& output) noexcept {
+  double& torque_Nm = output.torque_desired_Nm[pair.first];
+  if (cycle.bare != nullptr) {
+    torque_Nm = cycle.bare->Torque(pair.first, cycle.tension_N[pair.first]) -
+                cycle.bare->Torque(pair.second, cycle.tension_N[pair.second]);
+    output.tension_desired_motor_N[pair.first] = std::max(0., cycle.tension_N[pair.first]);
+  } else {
+    const model::PullMap& map = compensation_[pair.first].map();
+    const double pull_N = output.tension_desired_motor_N[pair.first];
+    const auto at_motor = map.AtMotor(pull_N),
+               at_base = map.AtBase(pull_N, output.sliding_direction[pair.first]);
+    output.tension_desired_motor_N[pair.first] = std::max(0., at_motor.first_N);
+    output.tension_desired_motor_N[pair.second] = std::max(0., at_motor.second_N);
+    output.sliding_direction[pair.second] = -output.sliding_direction[pair.first];
+    pair_offset_N_[pair.first] = pair_offset_N_[pair.second] = (1 - pair.first_share) * at_base.first_N +
+                                                               pair.first_share * at_base.second_N -
+                                                               unpulled_N_[pair.first];
+  }
+  output.torque_desired_Nm[pair.second] = -torque_Nm;
 }
 
 Compensation::Result DriveTorques::Torque(int j, const Cycle& cycle, const CycleOutput& output) noexcept {
@@ -77,15 +133,15 @@ Compensation::Result DriveTorques::Torque(int j, const Cycle& cycle, const Cycle
     return {.tension_motor_N = std::max(0., cycle.tension_N[j]),
             .torque_Nm = cycle.bare->Torque(j, cycle.tension_N[j])};
   }
+  if (!pairs_.empty() && !robot_.actuation->HasDrive(j)) return {};
   if (!feed_forward_.empty()) return FeedForward(j, cycle, output);
-  return compensation_[j].Step(cycle.tension_N[j], output.displacement_desired_m[j], cycle.moving);
+  return compensation_[j].Step(pull_N_[j], path_m_[j], cycle.moving);
 }
 
 Compensation::Result DriveTorques::FeedForward(int j, const Cycle& cycle,
                                                const CycleOutput& output) noexcept {
-  const auto commanded =
-      feed_forward_[j].Step(cycle.tension_N[j], output.displacement_desired_m[j], cycle.arc_shortening_m[j],
-                            cycle.moving || cycle.mode == Mode::kPretension);
+  const auto commanded = feed_forward_[j].Step(pull_N_[j], path_m_[j], arc_m_[j],
+                                               cycle.moving || cycle.mode == Mode::kPretension);
   Compensation::Result r = commanded;
   most_rotor_N_ = std::max(most_rotor_N_, std::abs(commanded.rotor_N));
   if (!feedback_.empty()) {
@@ -150,6 +206,7 @@ double DriveTorques::LimitTorque(int j, double fed_back_Nm, double measured_N,
 // it beyond every limit, so its motor is released until the cell shows tension again. Either sensor may be
 // the cause of the fault, so both must agree, and neither is fed back.
 bool DriveTorques::LostTendon(int j, const Cycle& cycle, const CycleOutput& output) noexcept {
+  if (robot_.actuation->PairOf(j) != nullptr) return false;  // its tension is not measured
   const bool slack = cycle.mode == Mode::kFault && cycle.zeroed && cycle.bare == nullptr &&
                      output.tension_measured_N[j] < parameters_.guards.slack_tension_N;
   const bool runs = std::abs(output.displacement_m[j] - last_displacement_m_[j]) > kLost_mps * period_s_;
@@ -176,6 +233,10 @@ void DriveTorques::Send(bool powered, CycleOutput& output) noexcept {
     permille_left_over_[j] = carried ? std::clamp(left_over, -0.5, 0.5) : 0;
     sent_permille_[j] = output.torque_target_permille[j];
   }
+  for (const TendonPair& pair : robot_.actuation->pairs) {
+    auto& permille = output.torque_target_permille;
+    permille[pair.second] = static_cast<std::int16_t>(-permille[pair.first]);
+  }
 }
 
 // While the robot moves, the rounding remainder carries over to the next cycle: one torque step on the bus is
@@ -195,6 +256,7 @@ void DriveTorques::Archive(StateArchive& a) noexcept {
   for (DriveFeedForward& k : feed_forward_) k.Archive(a);
   for (TensionFeedback& k : feedback_) k.Archive(a);
   a.Value(rotor_N_);
+  if (!pairs_.empty()) a.Vector(pair_offset_N_, {tendons_});
   a.Vector(last_reference_N_, {tendons_});
   a.Vector(last_reference_m_, {tendons_});
   a.Vector(last_displacement_m_, {tendons_});

@@ -15,6 +15,7 @@
 #include "tendril/core/cycle.h"
 #include "tendril/core/daemon.h"
 #include "tendril/core/robot.h"
+#include "tendril/model/tendon_pairs.h"
 
 namespace tendril::control {
 
@@ -47,12 +48,17 @@ class DriveTorques {
   void Reset(const TendonVector& shortening_m) noexcept;
   /// Largest tension that accelerated a rotor lately.
   double rotor_N() const noexcept { return rotor_N_; }
+  /// Of pairs: what friction adds to both tensions at the base.
+  const TendonVector& pair_offset_N() const noexcept { return pair_offset_N_; }
   /// Reference displacement of the last cycle.
   const TendonVector& last_reference_m() const noexcept { return last_reference_m_; }
 
   void Archive(StateArchive& archive) noexcept;
 
  private:
+  Pulled PulledBy(int tendon) const;
+  void JoinPair(const model::TendonPairs::Pair& pair, const CycleOutput& output) noexcept;
+  void PartPair(const model::TendonPairs::Pair& pair, const Cycle& cycle, CycleOutput& output) noexcept;
   Compensation::Result Torque(int tendon, const Cycle& cycle, const CycleOutput& output) noexcept;
   Compensation::Result FeedForward(int tendon, const Cycle& cycle, const CycleOutput& output) noexcept;
   double FrictionUncertainty_N(int tendon, double tension_N, double sliding) const noexcept;
@@ -73,6 +79,10 @@ class DriveTorques {
   std::vector<DriveFeedForward> feed_forward_;  // empty: friction compensation only
   std::vector<TensionFeedback> feedback_;       // empty: off
 
+  model::TendonPairs pairs_;
+  // Of this cycle, by tendon; a pair's as what its motor pulls, at its first tendon.
+  TendonVector pull_N_, path_m_, arc_m_, unpulled_N_;
+  TendonVector pair_offset_N_;
   bool rests_ = false;                                // references are at rest in this cycle
   double most_rotor_N_ = 0;                           // in this cycle
   double rotor_N_ = 0;                                // lately

@@ -53,6 +53,7 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
                      const BendingMatrix& unseen_rad2)
     : body_(body),
       tables_(tables),
+      pairs_(robot),
       min_tension_N_(robot.limits.min_tension_N),
       max_bending_rad_(robot.limits.max_bending_rad),
       straight_rad2_(max_bending_rad_ * max_bending_rad_ / 3),
@@ -64,9 +65,11 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
       bend_per_N_(Eigen::MatrixXd::Zero(2 * body.sections(), body.tendons())),
       shortening_per_N_(Eigen::MatrixXd::Zero(body.tendons(), body.tendons())),
       rest_rad_(BendingVector::Zero(2 * body.sections())),
+      rest_N_(model::RestTensions_N(robot)),
       rest_m_(TendonVector::Zero(body.tendons())),
       tension_base_N_(rest_m_),
       stretch_m_(rest_m_),
+      unpulled_N_(rest_N_),
       pretension_rad_(rest_rad_),
       bending_rad_(rest_rad_),
       pretension_m_(rest_m_),
@@ -96,8 +99,15 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
     tendons_.push_back({TravelPerCount(t), t.drive.rated_torque_Nm, t.motor.torque_scale, per_mV,
                         t.load_cell.offset_N, t.tendon.stiffness_Npm, t.SpoolTravelPerMotorRad(),
                         t.gear.efficiency, t.motor.coulomb_friction_Nm, t.transmission.coulomb_N,
-                        SensorVariance(t), t.load_cell.place, slack_N, range_m * range_m / 12, 1, 0,
+                        SensorVariance(t), t.load_cell.place, slack_N, range_m * range_m / 12, 1, -1, 0, 0,
                         model::PulleyPresliding(t.transmission.presliding_m)});
+  }
+  for (const auto& pair : pairs_.all()) {
+    Tendon &first = tendons_[pair.first], &second = tendons_[pair.second];
+    first.with = pair.second;
+    second.with = pair.first;
+    first.share = pair.first_share;
+    second.share = 1 - pair.first_share;
   }
 }
 
@@ -107,7 +117,7 @@ void Estimator::FindPretension() {
     body_.SumBending(q, bend_rad);
     body_.TendonShortening(q, shortening_m);
   };
-  const Eigen::VectorXd least_N = Eigen::VectorXd::Constant(body_.tendons(), min_tension_N_);
+  const Eigen::VectorXd least_N = rest_N_;
   at(least_N, rest_rad_, rest_m_);
   for (int j = 0; j < body_.tendons(); ++j) {
     const double more_N = 0.1 * min_tension_N_;
@@ -125,7 +135,7 @@ void Estimator::ZeroDisplacement(const CycleInput& input) noexcept {
   if (!pulls_every_way_) {
     // Dry friction leaves tendon tensions off the minimum, and the robot bent accordingly.
     const TendonVector over_N =
-        (tension_base_N_.array() - min_tension_N_).max(-min_tension_N_).min(min_tension_N_).matrix();
+        (tension_base_N_ - rest_N_).cwiseMax(-min_tension_N_).cwiseMin(min_tension_N_);
     pretension_rad_ = rest_rad_ + bend_per_N_.lazyProduct(over_N);
     pretension_m_ = rest_m_ + shortening_per_N_.lazyProduct(over_N);
     shown_m = pretension_m_ + stretch_m_;
@@ -144,6 +154,7 @@ void Estimator::ZeroDisplacement(const CycleInput& input) noexcept {
 void Estimator::Step(const CycleInput& input, CycleOutput& output) noexcept {
   const int m = static_cast<int>(tendons_.size());
   TendonVector variance_m2(m);
+  if (!pairs_.empty()) FindUnpulled();
   for (int j = 0; j < m; ++j) variance_m2[j] = ReadTendon(j, input.drive[j], output);
   if (weight_.minCoeff() == 1) {
     BendingWithAllTaut(output.tension_base_estimate_N, variance_m2);
@@ -166,13 +177,14 @@ double Estimator::ReadTendon(int j, const DriveFeedback& d, CycleOutput& output)
   const double z = t.presliding.Commit(pull_m);
   const double torque_Nm = d.torque_permille * 1e-3 * t.rated_torque_Nm;
   const double cell_N = d.analog_mV * t.newton_per_mV - t.cell_offset_N;
-  const Tension tension = TensionOf(t, *tables_[j], z, torque_Nm, cell_N);
+  const Tension tension =
+      t.with >= 0 ? PairTension(j, z, torque_Nm) : TensionOf(t, *tables_[j], z, torque_Nm, cell_N);
   output.displacement_m[j] = pull_m;
   output.tension_measured_N[j] = t.place == LoadCellPlace::kNone ? tension.motor_N : cell_N;
   output.tension_base_estimate_N[j] = tension.base_N;
   tension_base_N_[j] += averaged_ * (tension.base_N - tension_base_N_[j]);
   output.torque_measured_Nm[j] = torque_Nm;
-  const double stretch_m = (tension.motor_N - min_tension_N_) / t.stiffness_Npm;
+  const double stretch_m = (tension.motor_N - rest_N_[j]) / t.stiffness_Npm;
   stretch_m_[j] += averaged_ * (stretch_m - stretch_m_[j]);
   shortening_m_[j] = pull_m - stretch_m;
   const double over_N = std::max((kTaut - kSlack) * min_tension_N_, t.slack_N);
@@ -180,8 +192,34 @@ double Estimator::ReadTendon(int j, const DriveFeedback& d, CycleOutput& output)
       t.place == LoadCellPlace::kNone ? 1 : std::clamp((cell_N - t.slack_N) / over_N, 0., 1.);
   t.taut = std::min(pulls, t.taut + grips_);
   weight_[j] = t.taut * t.taut;
-  return 2 * RoundingVariance(t.travel_per_count_m) +
-         tension.variance_N2 / (t.stiffness_Npm * t.stiffness_Npm);
+  const double variance_m2 =
+      2 * RoundingVariance(t.travel_per_count_m) + tension.variance_N2 / (t.stiffness_Npm * t.stiffness_Npm);
+  return t.with >= 0 ? 2 * variance_m2 : variance_m2;
+}
+
+void Estimator::FindUnpulled() noexcept {
+  TendonVector modelled_m(body_.tendons());
+  body_.SpreadBending(bending_rad_, q_);
+  body_.TendonShortening(q_, modelled_m);
+  for (const auto& pair : pairs_.all()) {
+    unpulled_N_[pair.first] = unpulled_N_[pair.second] =
+        std::max(0.0, model::TendonPairs::Unpulled_N(pair, modelled_m));
+  }
+}
+
+// The motor holds the difference of the tensions at the spool, where the tendons' springs share it.
+Estimator::Tension Estimator::PairTension(int j, double z, double torque_Nm) const noexcept {
+  const Tendon& t = tendons_[j];
+  const double pull_Nm = t.torque_scale * torque_Nm;
+  const double lossless_N = (pull_Nm - t.coulomb_Nm * z) / t.travel_m;
+  const double losses = std::pow(t.efficiency, lossless_N < 0 ? -z : z);
+  Tension tension;
+  tension.motor_N = std::max(0.0, unpulled_N_[j] + t.share * lossless_N * losses);
+  tension.base_N = std::max(0.0, tables_[j]->MotorToBase(tension.motor_N, z) - t.pulley_coulomb_N * z);
+  const double friction_N2 = FrictionVariance((pull_Nm + t.coulomb_Nm) / t.travel_m / t.efficiency,
+                                              (pull_Nm - t.coulomb_Nm) / t.travel_m * t.efficiency, z);
+  tension.variance_N2 = t.share * t.share * (t.sensor_variance_N2 * losses * losses + friction_N2);
+  return tension;
 }
 
 // From the load cell, or without one from the torque; z is the state of the friction between the two sides.

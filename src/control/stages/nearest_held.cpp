@@ -1,6 +1,7 @@
 #include "tendril/control/nearest_held.h"
 
 #include <cmath>
+#include <utility>
 
 #include "tendril/model/pull_cone.h"
 
@@ -13,9 +14,10 @@ constexpr double kSettled_rad = 1e-11;  // tight, because moving goals are diffe
 
 }  // namespace
 
-NearestHeld::NearestHeld(const model::Body& body, double min_tension_N, double max_tension_N)
+NearestHeld::NearestHeld(const model::Body& body, double min_tension_N, double max_tension_N,
+                         model::TendonPairs pairs)
     : body_(body),
-      allocator_(body.tendons(), 2 * body.sections()),
+      allocator_(body.tendons(), 2 * body.sections(), std::move(pairs)),
       min_tension_N_(min_tension_N),
       max_tension_N_(max_tension_N),
       spread_(body.dof(), 2 * body.sections()),
@@ -46,6 +48,11 @@ bool NearestHeld::Linearise(const BendingVector& bending_rad, const TendonVector
   body_.StaticForce(q_, Eigen::Vector3d::Zero(), unit_force_Nm_);
   body_.ProjectForce(unit_force_Nm_, force_Nm_);
   model::SectionForcePerTension(body_, bending_rad, force_per_tension_);
+  if (allocator_.has_pairs()) {
+    TendonVector shortening_m(body_.tendons());
+    body_.TendonShortening(q_, shortening_m);
+    allocator_.Bend(shortening_m);
+  }
   body_.TangentStiffness(q_, tension_N, Eigen::Vector3d::Zero(), unit_stiffness_);
   BendingVector column(force_Nm_.size());
   for (Eigen::Index i = 0; i < force_Nm_.size(); ++i) {
@@ -61,7 +68,7 @@ bool NearestHeld::Linearise(const BendingVector& bending_rad, const TendonVector
 Status NearestHeld::Project(BendingVector& bending_rad) noexcept {
   const BendingVector asked_rad = bending_rad;
   BendingVector at_rad = asked_rad;
-  TendonVector tension_N = TendonVector::Constant(body_.tendons(), min_tension_N_);
+  TendonVector tension_N = allocator_.Unpulled_N(min_tension_N_);
   Status bound = Status::kOk;
   for (int i = 0; i < kMaxSearchSteps; ++i) {
     if (!Linearise(at_rad, tension_N)) return Status::kOk;

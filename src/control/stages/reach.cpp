@@ -19,7 +19,7 @@ constexpr double kHoldableShare = 0.95;  // margin for directions between the sa
 Reach::Reach(const RobotParameters& robot, const model::Body& body, const LimitParameters& limits,
              double gather_s, bool pulls_for_rotors)
     : body_(body),
-      allocator_(body.tendons(), 2 * body.sections()),
+      allocator_(body.tendons(), 2 * body.sections(), model::TendonPairs(robot)),
       min_tension_N_(limits.min_tension_N),
       max_tension_N_(limits.max_tension_base_N),
       most_room_N_(pulls_for_rotors ? HUGE_VAL : 0.5 * limits.min_tension_N),
@@ -42,7 +42,7 @@ Reach::Reach(const RobotParameters& robot, const model::Body& body, const LimitP
   if (model::PullsEveryWay(robot.body)) {
     FindHoldable();
   } else {
-    nearest_.emplace(body, min_tension_N_, max_tension_N_);
+    nearest_.emplace(body, min_tension_N_, max_tension_N_, model::TendonPairs(robot));
     FindHoldableOfPulled();
   }
   holdable_rad_ *= kHoldableShare;
@@ -104,6 +104,11 @@ bool Reach::Holds(const BendingVector& bending_rad) noexcept {
   body_.StaticForce(q_, Eigen::Vector3d::Zero(), unit_force_Nm_);
   body_.ProjectForce(unit_force_Nm_, force_Nm_);
   model::SectionForcePerTension(body_, bending_rad, force_per_tension_);
+  if (allocator_.has_pairs()) {
+    TendonVector shortening_m(body_.tendons());
+    body_.TendonShortening(q_, shortening_m);
+    allocator_.Bend(shortening_m);
+  }
   return allocator_.Allocate(force_per_tension_, force_Nm_, min_tension_N_, max_tension_N_).status ==
          Status::kOk;
 }
