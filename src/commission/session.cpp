@@ -26,9 +26,11 @@ Subject Checked(const SessionCall& call) {
   subject.robot = config::LoadRobot(subject.daemon.robot_file);
   config::CheckTogether(subject.daemon, subject.robot, call.config);
   RequireRecordAsked(subject.daemon, call.config);
-  const auto tendons = static_cast<std::size_t>(subject.robot.body.tendons());
-  if (!call.seen_rad.empty() && call.seen_rad.size() != tendons) {
-    throw UsageError(fmt::format("--seen needs a direction for each of the {} tendons, {} given", tendons,
+  const auto motors = static_cast<std::size_t>(subject.robot.actuation->drives());
+  if (!call.seen_rad.empty() && call.seen_rad.size() != motors) {
+    const bool pairs = !subject.robot.actuation->pairs.empty();
+    throw UsageError(fmt::format("--seen needs a direction for each of the {} {}, {} given", motors,
+                                 pairs ? "motors, where its first tendon pulls" : "tendons",
                                  call.seen_rad.size()));
   }
   // Before motors pull for half a minute, not after.
@@ -51,7 +53,7 @@ std::pair<CommissionResult, DriveSerials> Pull(const SessionCall& call, const Su
   link.Enter(robot.body.tendons());
   const AskDirection direction = [&](int tendon, const std::function<void()>& keep_going) {
     if (call.seen_rad.empty()) return person.direction(tendon, keep_going);
-    return std::optional(call.seen_rad[static_cast<std::size_t>(tendon - 1)]);
+    return std::optional(call.seen_rad[static_cast<std::size_t>(robot.actuation->DriveOf(tendon - 1))]);
   };
   CommissionResult result = Commission(link, robot, daemon, direction, person.progress);
   return {std::move(result), link.serials()};

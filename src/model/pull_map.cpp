@@ -30,6 +30,12 @@ double PullMap::Side::Friction_N(double most_N) const noexcept {
   return table->Pull(most_N + coulomb_N) - table->Release(std::max(0.0, most_N - coulomb_N));
 }
 
+double PullMap::Within(double motor_N, double most_N) const noexcept {
+  if (!is_pair()) return std::min(motor_N, most_N);
+  const double room_N = std::max(0.0, most_N - unpulled_N_);
+  return std::clamp(motor_N, -room_N / (1 - share_), room_N / share_);
+}
+
 PullMap::Tensions PullMap::AtMotor(double motor_N) const noexcept {
   if (!is_pair()) return {motor_N, 0};
   return {unpulled_N_ + share_ * motor_N, unpulled_N_ - (1 - share_) * motor_N};

@@ -16,18 +16,8 @@ TendonPairs::TendonPairs(const RobotParameters& robot) {
   }
 }
 
-void TendonPairs::Share(const TendonVector& shortening_m, const TendonVector& offset_N,
+bool TendonPairs::Share(const TendonVector& shortening_m, double most_N,
                         TendonVector& tension_N) const noexcept {
-  for (const Pair& pair : pairs_) {
-    const double pull_N = tension_N[pair.first] - tension_N[pair.second];
-    const double unpulled_N = Unpulled_N(pair, shortening_m) + offset_N[pair.first];
-    tension_N[pair.first] = unpulled_N + pair.first_share * pull_N;
-    tension_N[pair.second] = tension_N[pair.first] - pull_N;
-  }
-}
-
-bool TendonPairs::ShareWithin(const TendonVector& shortening_m, double most_N,
-                              TendonVector& tension_N) const noexcept {
   bool limited = false;
   for (const Pair& pair : pairs_) {
     const double asked_N = tension_N[pair.first] - tension_N[pair.second];

@@ -565,8 +565,11 @@ TEST(Controller, BeingEndedTakesASecondHoweverManyCyclesAreSkipped) {
 
 // Whenever it is taken, the state holds all that the next steps depend on. The motion passes through every
 // source of tensions: ramp, bending, moving tip, tensions, hold, fault and what follows a clear.
-TEST(Controller, GoesOnFromASavedStateBitForBit) {
-  IdealLoop loop;
+void ExpectToGoOnBitForBit(const char* file, ControlLaw law) {
+  ControllerParameters parameters = kParameters;
+  parameters.law = law;
+  IdealLoop loop(IdealLoop(file).robot, parameters);
+  const int m = loop.robot.body.tendons();
   std::vector<std::pair<CycleInput, CycleOutput>> cycles;
   std::vector<std::vector<std::byte>> states;
   const auto step = [&](const Command& command, int times) {
@@ -578,7 +581,7 @@ TEST(Controller, GoesOnFromASavedStateBitForBit) {
     }
   };
   step({}, 3);
-  for (int j = 0; j < 3; ++j) loop.input.drive[j].state = DriveState::kReady;
+  for (int j = 0; j < m; ++j) loop.input.drive[j].state = DriveState::kReady;
   step({}, 2);
   step(loop.ModeCommand(ModeRequest::kArm), 600);
   ASSERT_EQ(loop.output.mode, Mode::kRunning);
@@ -587,7 +590,7 @@ TEST(Controller, GoesOnFromASavedStateBitForBit) {
   circle.tip_velocity_W_mps = {0.005, -0.01, 0};
   step(circle, 150);
   Command pull = loop.Make(CommandKind::kTension);
-  pull.tension_N = Eigen::Vector3d(0.8, 0.5, 0.6);
+  pull.tension_N = TendonVector::LinSpaced(m, 0.8, 0.5);
   step(pull, 100);
   step(loop.Bending(-0.2, 0.3), 100);
   step(loop.ModeCommand(ModeRequest::kHold), 100);
@@ -600,7 +603,7 @@ TEST(Controller, GoesOnFromASavedStateBitForBit) {
   const auto same = [](const auto& a, const auto& b) {
     return std::memcmp(a.data(), b.data(), static_cast<std::size_t>(a.size()) * sizeof(double)) == 0;
   };
-  Controller other(loop.robot, kParameters, kNsPerMs);
+  Controller other(loop.robot, parameters, kNsPerMs);
   for (std::size_t from = 0; from < cycles.size(); from += 37) {
     ASSERT_TRUE(other.LoadState(states[from]));
     for (std::size_t i = from; i < std::min(from + 200, cycles.size()); ++i) {
@@ -615,6 +618,14 @@ TEST(Controller, GoesOnFromASavedStateBitForBit) {
       ASSERT_TRUE(same(again.reference.acceleration_radps2, was.reference.acceleration_radps2)) << i;
     }
   }
+}
+
+TEST(Controller, GoesOnFromASavedStateBitForBit) {
+  ExpectToGoOnBitForBit("rig_60mm.yaml", ControlLaw::kPaper);
+}
+TEST(Controller, OfPairsGoesOnFromASavedStateBitForBit) {
+  ExpectToGoOnBitForBit("pairs_90mm.yaml", ControlLaw::kPaper);
+  ExpectToGoOnBitForBit("pairs_90mm.yaml", ControlLaw::kEquilibrium);
 }
 
 // A log is not to be trusted: no bytes may do more than be refused or make wrong numbers.

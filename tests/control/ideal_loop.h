@@ -47,7 +47,7 @@ class IdealLoop {
     for (int j = 0; j < input.drives; ++j) {
       const auto& d = robot.actuation->tendons[j];
       const double stretch =
-          (output.tension_desired_motor_N[j] - robot.limits.min_tension_N) / d.tendon.stiffness_Npm;
+          (output.tension_desired_motor_N[j] - robot.RestTension_N(j)) / d.tendon.stiffness_Npm;
       const double turns =
           (output.displacement_desired_m[j] + stretch) / d.SpoolTravelPerMotorRad() / (2 * std::numbers::pi);
       auto& f = input.drive[j];

@@ -9,6 +9,8 @@
 #include "tendril/config/config.h"
 #include "tendril/model/arc_tensions.h"
 #include "tendril/model/bending_model.h"
+#include "tendril/model/capstan.h"
+#include "tendril/model/pull_map.h"
 
 namespace tendril::model {
 namespace {
@@ -25,7 +27,7 @@ TEST(TendonPairs, TakeAPullAsTwoSpringsOnOneSpool) {
   shortening_m << 0.004, 0.001, -0.0038, -0.0009;
   TendonVector tension_N(4);
   tension_N << 5, 0, 2, 1;
-  EXPECT_FALSE(pairs.ShareWithin(shortening_m, 8, tension_N));
+  EXPECT_FALSE(pairs.Share(shortening_m, 8, tension_N));
   // The spool's travel s follows from either tendon.
   const double s_a = (tension_N[0] - 4) / 5000 + shortening_m[0];
   const double s_b = -((tension_N[2] - 4) / 3000 + shortening_m[2]);
@@ -39,7 +41,7 @@ TEST(TendonPairs, GiveNoMoreThanTheirPretension) {
   const TendonPairs pairs(robot);
   TendonVector tension_N(4);
   tension_N << 9, 4, 0, 4;
-  EXPECT_TRUE(pairs.ShareWithin(TendonVector::Zero(4), 20, tension_N));
+  EXPECT_TRUE(pairs.Share(TendonVector::Zero(4), 20, tension_N));
   EXPECT_NEAR(tension_N[2], robot.limits.min_tension_N, 1e-12);
   EXPECT_NEAR(tension_N[0], 8 - robot.limits.min_tension_N, 1e-12);
 }
@@ -59,7 +61,7 @@ TEST(TendonPairs, HoldBendsWithTheirOwnTensions) {
     EXPECT_LT((arcs.force_per_tension() * held.tension_N - arcs.force_Nm()).norm(), 1e-9);
     body.TendonShortening(arcs.q(), shortening_m);
     TendonVector taken_N = held.tension_N;
-    EXPECT_FALSE(pairs.ShareWithin(shortening_m, robot.limits.max_tension_base_N, taken_N));
+    EXPECT_FALSE(pairs.Share(shortening_m, robot.limits.max_tension_base_N, taken_N));
     EXPECT_LT((taken_N - held.tension_N).cwiseAbs().maxCoeff(), 1e-12);
     // What both have without pull is less than assembly gave, by what the bend takes.
     EXPECT_LT(TendonPairs::Unpulled_N(pairs.all()[0], shortening_m), 4.0);
@@ -120,6 +122,37 @@ TEST(TendonPairs, ShareAForceAmongMoreDrivesThanItNeeds) {
       EXPECT_GE(cost(other_N), cost(found.tension_N) - 1e-9);
     }
   }
+}
+
+// Both ways through the pulleys, for both directions of sliding; the spool's tensions are those of the
+// springs.
+TEST(PullMap, OfAPairIsInvertible) {
+  const RobotParameters robot = Pairs();
+  const auto tables = MakeCapstanTables(robot.actuation->tendons, 20);
+  const auto& tendons = robot.actuation->tendons;
+  const TendonPairs pairs(robot);
+  PullMap map(pairs.all()[0], tendons[0].transmission, tables[0], tendons[2].transmission, tables[2]);
+  map.SetUnpulled(3.5);
+  for (const double z : {-1.0, -0.4, 0.0, 1.0}) {
+    for (double pull_N = -5; pull_N <= 5; pull_N += 0.5) {
+      const double motor_N = map.BaseToMotor(pull_N, z);
+      EXPECT_NEAR(map.MotorToBase(motor_N, z), pull_N, 1e-8);
+      EXPECT_LE(map.LeastAtMotor(pull_N), motor_N + 1e-8);
+      EXPECT_GE(map.MostAtMotor(pull_N), motor_N - 1e-8);
+      const auto spool = map.AtMotor(motor_N);
+      EXPECT_NEAR(spool.first_N + spool.second_N, 7, 1e-12);
+      EXPECT_NEAR(spool.first_N - spool.second_N, motor_N, 1e-12);
+      const auto base = map.AtBase(motor_N, z);
+      EXPECT_NEAR(base.first_N - base.second_N, pull_N, 1e-8);
+      if (z == 1 && spool.second_N > 0) {
+        EXPECT_LT(base.first_N, spool.first_N);
+        EXPECT_GT(base.second_N, spool.second_N);
+      }
+    }
+  }
+  EXPECT_DOUBLE_EQ(map.Within(20, 6), 5);
+  EXPECT_DOUBLE_EQ(map.Within(-20, 6), -5);
+  EXPECT_DOUBLE_EQ(map.Within(3, 6), 3);
 }
 
 }  // namespace

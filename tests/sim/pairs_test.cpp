@@ -83,7 +83,7 @@ TEST(PlantPairs, RestWhereSpringsTorqueAndBodyBalance) {
   EXPECT_NEAR(tension_N[0] - tension_N[2], 3, 1e-6);
   EXPECT_NEAR(tension_N[1] - tension_N[3], 2, 1e-6);
   TendonVector taken_N = tension_N;
-  EXPECT_FALSE(model::TendonPairs(robot).ShareWithin(shortening_m, 100, taken_N));
+  EXPECT_FALSE(model::TendonPairs(robot).Share(shortening_m, 100, taken_N));
   EXPECT_LT((taken_N - tension_N).cwiseAbs().maxCoeff(), 1e-6);
   const model::Equilibrium still = model::SolveStatics(plant.body(), tension_N, {});
   ASSERT_EQ(still.result, model::StaticsResult::kConverged);

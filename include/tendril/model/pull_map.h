@@ -32,6 +32,9 @@ class PullMap {
   double LeastAtMotor(double base_N) const noexcept;
   double MostAtMotor(double base_N) const noexcept;
 
+  /// The pull at the motor, or the nearest with which no tendon has more than `most_N`.
+  double Within(double motor_N, double most_N) const noexcept;
+
   struct Tensions {
     double first_N, second_N;  // the latter of pairs
   };

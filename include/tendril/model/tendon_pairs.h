@@ -16,8 +16,7 @@ class TendonPairs {
     int first, second;    // 0-based
     double pretension_N;  // of both, straight and not pulled
     double series_Npm;    // k_a k_b / (k_a + k_b) of the tendons' stiffnesses
-    double
-        first_share;  // k_a / (k_a + k_b): of a pull D that the first tendon gains, the second loses the rest
+    double first_share;   // k_a / (k_a + k_b): of a pull D the first gains this, the second loses the rest
   };
 
   /// Of the robot's actuation; none without.
@@ -39,13 +38,9 @@ class TendonPairs {
   static double Unpulled_N(const Pair& pair, const TendonVector& shortening_m) noexcept {
     return pair.pretension_N - pair.series_Npm * (shortening_m[pair.first] + shortening_m[pair.second]);
   }
-  /// Replaces the tensions of every pair by those that it takes for their difference; friction adds
-  /// `offset_N` to both.
-  void Share(const TendonVector& shortening_m, const TendonVector& offset_N,
-             TendonVector& tension_N) const noexcept;
-  /// The same without friction, as far as neither tendon has less than least_N() or more than `most_N`. True
-  /// where that limited it.
-  bool ShareWithin(const TendonVector& shortening_m, double most_N, TendonVector& tension_N) const noexcept;
+  /// Replaces the tensions of every pair by those that it takes for their difference, as far as neither
+  /// tendon has less than least_N() or more than `most_N`; without friction. True where that limited it.
+  bool Share(const TendonVector& shortening_m, double most_N, TendonVector& tension_N) const noexcept;
 
  private:
   std::vector<Pair> pairs_;

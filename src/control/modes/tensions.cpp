@@ -47,7 +47,7 @@ void Modes::CommandShape(bool switched, CycleOutput& output) noexcept {
   const TendonVector commanded_N = asked ? gate_.target().tension_N : tensions.tension_N();
   const double least_N = limits_.min_tension_N, most_N = limits_.max_tension_base_N;
   TendonVector goal_N = commanded_N.cwiseMax(least_N).cwiseMin(most_N);
-  const bool pair_limited = pairs_.ShareWithin(stages_.estimator.shortening_m(), most_N, goal_N);
+  const bool pair_limited = pairs_.Share(stages_.estimator.shortening_m(), most_N, goal_N);
   tensions.FollowCommand(goal_N, switched);
   if (commanded_N.minCoeff() < least_N) Report(output, Status::kLimitedTensionMin);
   if (commanded_N.maxCoeff() > most_N || pair_limited) Report(output, Status::kLimitedTensionMax);

@@ -38,8 +38,9 @@ Compensation::Result Compensation::Step(double tension_base_N, double shortening
   }
   r.tension_motor_N = tension_base_N;
   if (capstan_) r.tension_motor_N = pulled_.map.BaseToMotor(tension_base_N, r.sliding);
-  if (std::abs(r.tension_motor_N) > max_tension_motor_N_) {
-    r.tension_motor_N = std::copysign(max_tension_motor_N_, r.tension_motor_N);
+  if (const double within_N = pulled_.map.Within(r.tension_motor_N, max_tension_motor_N_);
+      within_N != r.tension_motor_N) {
+    r.tension_motor_N = within_N;
     r.status = Status::kLimitedMotorTension;
   }
   // Gear losses follow the direction of power, Coulomb friction opposes motion. Both use the pulley's smooth

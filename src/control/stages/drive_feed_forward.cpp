@@ -126,8 +126,9 @@ DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double sh
   friction_N_ = MotorTension(tension_base_N, shortening_m, most_N, moving) - tension_base_N;
   r.tension_motor_N = tension_base_N + friction_N_;
   if (!pulled_.map.is_pair()) r.tension_motor_N = std::max(0.0, r.tension_motor_N);
-  if (std::abs(r.tension_motor_N) > max_tension_motor_N_) {
-    r.tension_motor_N = std::copysign(max_tension_motor_N_, r.tension_motor_N);
+  if (const double within_N = pulled_.map.Within(r.tension_motor_N, max_tension_motor_N_);
+      within_N != r.tension_motor_N) {
+    r.tension_motor_N = within_N;
     r.status = Status::kLimitedMotorTension;
   }
   const double pull_m = shortening_m + (r.tension_motor_N - pulled_.rest_N) / pulled_.stiffness_Npm;
