@@ -261,7 +261,8 @@ class Model {
             row << result.tension_N.transpose(), Missed(result.status, result.residual_Nm);
             return;
           }
-          const model::InverseEquilibrium solver(s->body, min_tension_N, most_N);
+          const model::InverseEquilibrium solver(s->body, min_tension_N, most_N,
+                                                 model::TendonPairs(s->robot));
           const auto shape = moving ? solver.ForBending(bend, dbend, ddbend) : solver.ForBending(bend);
           if (const std::string why = model::WhyNoShape(shape); !why.empty())
             throw RowError(i, why + "; reduce the target");
@@ -281,7 +282,8 @@ class Model {
     return Filled(
         tip->rows(), s_->body.tendons() + s_->body.dof() + 2, kNoScratch,
         [s = s_, tip, velocity, acceleration, min_tension_N, moving](Index i, auto row, Nothing&) {
-          const model::InverseEquilibrium solver(s->body, min_tension_N, s->robot.limits.max_tension_base_N);
+          const model::InverseEquilibrium solver(s->body, min_tension_N, s->robot.limits.max_tension_base_N,
+                                                 model::TendonPairs(s->robot));
           const Vector3d target = tip->row(i).transpose();
           const double most = s->robot.limits.max_bending_rad;
           const auto shape = moving ? solver.ForTip(target, velocity->row(i).transpose(),

@@ -108,7 +108,8 @@ def simulate_torques(
 
     Args:
         robot: nominal robot, or its file (a rig: with actuation).
-        torque: of the motors [N·m], (S, M); a row holds for one step.
+        torque: of the motors [N·m], (S, M), at each tendon; a row holds for one step. Of an
+            antagonistic pair the first tendon's counts.
         step: length of a step [s].
         variants: for each robot the effects that it has beyond the nominal one, as in `simulate`; [[]] is the nominal
             robot alone.

@@ -243,9 +243,10 @@ void CheckNodes(const DaemonParameters& daemon, const RobotParameters& robot,
     if (robot.actuation->HasDrive(node.tendon - 1)) continue;
     throw ErrorAt(
         daemon_path, "bus.nodes",
-        fmt::format("node {} pulls tendon {} of {}, whose motor is that of tendon {}; accepted: one "
-                    "node for a pair, at its first tendon; remove it",
-                    node.node_id, node.tendon, robot.name, pair->first + 1));
+        fmt::format(
+            "node {} pulls tendon {} of {}, whose motor is that of tendon {}; accepted: one "
+            "node for a pair, at its first tendon; write tendon: {} if it is the pair's, or remove it",
+            node.node_id, node.tendon, robot.name, pair->first + 1, pair->first + 1));
   }
   for (int tendon = 1; tendon <= tendons; ++tendon) {
     if (!robot.actuation->HasDrive(tendon - 1)) continue;

@@ -234,10 +234,12 @@ inline void CheckPairs(Reader& io, const std::vector<TendonPair>& pairs, const B
         fmt::format("holes {:.0f}° apart within {:.2g}°, at the same radius within {:.0f} %, to the "
                     "same disk",
                     180., kOpposite_rad * 180 / std::numbers::pi, 100 * kSameRadius));
-    refuse_unless(pair.pretension_N > limits.min_tension_N && pair.pretension_N < limits.max_tension_base_N,
+    const double most_N = std::min(limits.max_tension_base_N, limits.max_tension_motor_N);
+    refuse_unless(pair.pretension_N > limits.min_tension_N && pair.pretension_N < most_N,
                   fmt::format("have a pretension of {} N", pair.pretension_N),
-                  fmt::format("between limits.min_tension_N, {} N, and max_tension_base_N, {} N",
-                              limits.min_tension_N, limits.max_tension_base_N));
+                  fmt::format("above limits.min_tension_N, {} N, and below max_tension_base_N and "
+                              "max_tension_motor_N, {} N",
+                              limits.min_tension_N, most_N));
   }
 }
 
@@ -263,7 +265,9 @@ inline void DescribeActuation(Lister& io, ActuationParameters& p) {
 }
 
 /// What the second tendon of a pair has from the first's drive.
-inline void ShareDrive(Reader& io, const TendonPair& pair, std::vector<TendonDriveParameters>& tendons) {
+/// `own` are the second's keys in per_tendon.
+inline void ShareDrive(Reader& io, const TendonPair& pair, const Layer& own,
+                       std::vector<TendonDriveParameters>& tendons) {
   const TendonDriveParameters& first = tendons[static_cast<std::size_t>(pair.first)];
   TendonDriveParameters& second = tendons[static_cast<std::size_t>(pair.second)];
   io.Check(first.load_cell.place == LoadCellPlace::kNone && second.load_cell.place == LoadCellPlace::kNone,
@@ -271,8 +275,13 @@ inline void ShareDrive(Reader& io, const TendonPair& pair, std::vector<TendonDri
            fmt::format("{} have a load cell, and a drive has one analog input for the two; accepted: "
                        "load_cell.place: none; correct it in per_tendon",
                        TendonsText(pair)));
-  const bool same = first.motor == second.motor && first.drive == second.drive && first.gear == second.gear &&
-                    first.spool == second.spool;
+  const auto says = [&own](std::string_view key) {
+    return own.line > 0 && std::any_of(own.map.begin(), own.map.end(),
+                                       [key](const auto& entry) { return entry.first.Scalar() == key; });
+  };
+  const bool same =
+      (!says("motor") || first.motor == second.motor) && (!says("drive") || first.drive == second.drive) &&
+      (!says("gear") || first.gear == second.gear) && (!says("spool") || first.spool == second.spool);
   io.Check(same, "pairs",
            fmt::format("{} have one motor, drive, gear and spool, and per_tendon gives them different ones; "
                        "accepted: those of tendon {}; remove the others",
@@ -343,7 +352,8 @@ inline void ReadActuation(Reader& io, const std::vector<Layer>& layers, const Bo
     CheckTendon(reader, j, drive, limits);
     if (p.HasDrive(j - 1)) drive.node_id = static_cast<int>(nodes[drive_at++]);
   }
-  for (const TendonPair& pair : p.pairs) ShareDrive(top, pair, p.tendons);
+  for (const TendonPair& pair : p.pairs)
+    ShareDrive(top, pair, own[static_cast<std::size_t>(pair.second)], p.tendons);
 }
 
 }  // namespace tendril::config

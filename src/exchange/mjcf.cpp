@@ -238,8 +238,8 @@ void Require(double value, double least, double most, const char* what) {
 }
 
 Parts PartsOf(const RobotParameters& robot, const MjcfOptions& options, double friction_at_N) {
-  const bool motors =
-      options.actuators ? *options.actuators == Actuators::kMotors : robot.actuation.has_value();
+  const bool motors = options.actuators ? *options.actuators == Actuators::kMotors
+                                        : robot.actuation.has_value() && robot.actuation->pairs.empty();
   if (motors && !robot.actuation)
     throw std::invalid_argument("robot '" + robot.name +
                                 "' has no actuation; accepted: tensions as controls");

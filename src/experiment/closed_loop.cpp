@@ -55,6 +55,12 @@ ClosedLoop::ClosedLoop(const ClosedLoopOptions& options) : bus_(clock_) {
         "the controller's robot has " + std::to_string(robot.body.tendons()) + " tendons, the plant's " +
         std::to_string(options.plant_robot.body.tendons()) + ": give two files of the same robot");
   }
+  const auto& plant = options.plant_robot.actuation;
+  if (plant && plant->drives() != robot.actuation->drives()) {
+    throw std::invalid_argument("the controller's robot has " + std::to_string(robot.actuation->drives()) +
+                                " motors, the plant's " + std::to_string(plant->drives()) +
+                                ": give two files of the same robot");
+  }
   daemon_ = options.keep_nodes ? options.daemon : FitBus(options.daemon, robot);
   rig_ = std::make_unique<rig::VirtualRig>(options.plant_robot, bus_.AddPort(), options.plant,
                                            rig::DriveProfiles(daemon_.bus.nodes));

@@ -141,6 +141,12 @@ Program MakeProgram(const PlannedRun& run, const RobotParameters& robot,
         "robot '" + robot.name +
         "' has no actuation (motors, drives, tendons): use a rig file such as rig_90mm.yaml");
   }
+  if (!robot.actuation->pairs.empty()) {
+    throw std::invalid_argument(
+        "robot '" + robot.name +
+        "' has antagonistic pairs, whose runs are not diagnosed: use a robot file with a "
+        "motor for every tendon");
+  }
   Allowance allowance(robot, controller);
   const auto [active, tension] =
       run.targets == PlannedRun::Targets::kFamily

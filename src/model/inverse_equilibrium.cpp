@@ -9,6 +9,7 @@
 #include <cstdio>
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace tendril::model {
 
@@ -48,8 +49,9 @@ VectorXd Residual(const Body& body, const VectorXd& q, const VectorXd& tension_N
 
 }  // namespace
 
-InverseEquilibrium::InverseEquilibrium(const Body& body, double min_tension_N, double max_tension_N)
-    : body_(body), min_tension_N_(min_tension_N), max_tension_N_(max_tension_N) {
+InverseEquilibrium::InverseEquilibrium(const Body& body, double min_tension_N, double max_tension_N,
+                                       TendonPairs pairs)
+    : body_(body), min_tension_N_(min_tension_N), max_tension_N_(max_tension_N), pairs_(std::move(pairs)) {
   if (!(min_tension_N >= 0 && std::isfinite(min_tension_N) && min_tension_N <= max_tension_N)) {
     throw std::invalid_argument("tension bounds " + std::to_string(min_tension_N) + " .. " +
                                 std::to_string(max_tension_N) + " N: accepted 0 <= minimum <= maximum");
@@ -134,7 +136,7 @@ VectorXd InverseEquilibrium::Value(Goal goal, const VectorXd& q) const {
 /// until the body has a stable shape and the target is nearer. `state` must be in balance.
 void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motion* motion, double least_N,
                                   double tolerance, State& state) const {
-  const TensionAllocator allocator(body_.tendons(), static_cast<int>(target.size()));
+  TensionAllocator allocator(body_.tendons(), static_cast<int>(target.size()), pairs_);
   double longest = 1;
   for (int iteration = 0; iteration < 200; ++iteration) {
     ++state.iterations;
@@ -149,6 +151,11 @@ void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motio
     const MatrixXd q_per_tension = state.stiffness.solve(state.force_per_tension);
     const MatrixXd per_tension = slope * q_per_tension;
     const VectorXd error = target - Value(goal, state.q);
+    if (allocator.has_pairs()) {
+      TendonVector shortening_m(body_.tendons());
+      body_.TendonShortening(state.q, shortening_m);
+      allocator.Bend(shortening_m);
+    }
     const auto required =
         allocator.Allocate(per_tension, error + per_tension * state.tension_N, least_N, max_tension_N_);
     const VectorXd step = required.tension_N - state.tension_N;
@@ -159,7 +166,7 @@ void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motio
     for (int attempt = 0; attempt < 25 && !moved; ++attempt, length *= 0.5) {
       State next = state;
       next.tension_N = (state.tension_N + length * step)
-                           .cwiseMax(min_tension_N_)
+                           .cwiseMax(pairs_.empty() ? min_tension_N_ : 0)
                            .cwiseMin(max_tension_N_);  // except for round-off
       next.q = state.q + length * (q_per_tension * step);
       if (!Balance(next, motion)) continue;

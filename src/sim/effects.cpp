@@ -215,9 +215,10 @@ std::vector<EffectParameter> ParametersOf(const Effect& effect, Target target, c
 
 namespace {
 
-// A pair's second tendon has no drive whose current, friction or encoder could be wrong.
+// A pair's second tendon has no drive whose current, friction or sensors could be wrong.
 void RequireDrive(const Effect& effect, int target, const RobotParameters& robot) {
-  if (effect.scope != Scope::kTendon || effect.stage != Stage::kDrive || !robot.actuation) return;
+  const bool of_drive = effect.stage == Stage::kDrive || effect.stage == Stage::kSensor;
+  if (effect.scope != Scope::kTendon || !of_drive || !robot.actuation) return;
   if (robot.actuation->HasDrive(target)) return;
   const int first = robot.actuation->PairOf(target)->first;
   throw Wrong(fmt::format("{}: tendon {} has no motor of its own", effect.name, target + 1),
@@ -282,7 +283,25 @@ EffectSetting ParseEffect(std::string_view text, const RobotParameters& robot) {
   return setting;
 }
 
-void CheckEffects(const RobotParameters& robot) { ResolveAll(robot, Bounds::kChecked); }
+void CheckEffects(const RobotParameters& robot) {
+  const std::vector<Resolved> all = ResolveAll(robot, Bounds::kChecked);
+  if (!robot.actuation || robot.actuation->pairs.empty()) return;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (all[i].effect->add == nullptr) continue;
+    PlantLaws laws(robot.body.tendons());
+    all[i].effect->add(laws, robot, all[i].target, ValuesOf(robot.effects[i], robot));
+    for (int j = 0; j < robot.body.tendons(); ++j) {
+      const TendonLaws& its = laws.tendon[static_cast<std::size_t>(j)];
+      const bool turns_free = its.play_rad != 0 || its.spool_growth_mprad != 0;
+      if (!turns_free || robot.actuation->PairOf(j) == nullptr) continue;
+      throw EffectError(static_cast<int>(i) + 1,
+                        fmt::format("{} at tendon {}, whose spool is that of a pair and has neither play nor "
+                                    "growth in the simulator; accepted: tendons with a motor of their own; "
+                                    "remove it",
+                                    all[i].effect->name, j + 1));
+    }
+  }
+}
 
 RobotParameters LoadRobot(const std::string& path) {
   RobotParameters robot = config::LoadRobot(path);

@@ -88,6 +88,7 @@ const Case kCases[] = {
      {"do not lie opposite each other", "same radius"}},
     {"PairWithoutPretension", kPairs, "tendons: [1, 3], pretension_N: 4.0", "tendons: [1, 3], pretension_N: 0.2",
      "  pairs:  ", "actuation.pairs", {"have a pretension of 0.2 N", "0.3 N"}},
+    {"PairBeyondItsMotor", kPairs, "max_tension_motor_N: 10.0", "max_tension_motor_N: 3.5", "  pairs:  ", "actuation.pairs", {"have a pretension of 4 N", "max_tension_motor_N, 3.5 N"}},
     {"PairWithALoadCell", kPairs, "    place: none", "    place: motor_side\n    gain_VpN: 0.2\n    resolution_V: 0.001\n    noise_N: 0.005", "  pairs:  ", "actuation.pairs",
      {"one analog input for the two", "load_cell.place: none"}},
     {"PairOfThree", kPairs, "tendons: [2, 4]", "tendons: [2, 4, 1]", "tendons: [2, 4, 1]", "actuation.pairs[2].tendons",

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <map>
+#include <numbers>
 
 #include "tendril/config/config.h"
 #include "tendril/experiment/closed_loop.h"
@@ -152,6 +153,32 @@ TEST(Pairs, AreHomedWithoutWindingAndBendNoFartherThanTheyCan) {
   EXPECT_LT(o.target_bending_rad[0], 1.3);
   EXPECT_EQ(o.mode, Mode::kRunning);
   loop.DisarmAndWait();
+}
+
+// The second section's tendons pass through the first, whose pairs reach their bounds while they do.
+TEST(Pairs, BesideTendonsOfTheirOwnMotorFollowACircle) {
+  ClosedLoopOptions options = Options(ControlLaw::kPaper);
+  options.daemon = config::LoadDaemon(TENDRIL_SOURCE_DIR "/config/tendrild.yaml");
+  RobotParameters& robot = options.controller_robot;
+  robot.body.sections[0].units = 8;
+  robot.body.sections[0].unit_length_m = 0.0075;
+  robot.body.sections.push_back(robot.body.sections[0]);
+  for (TendonRoute& t : robot.body.sections[1].tendons) t.angle_rad += std::numbers::pi / 4;
+  robot.limits.max_bending_rad = 1.2;
+  for (int j = 0; j < 4; ++j) robot.actuation->tendons.push_back(robot.actuation->tendons[0]);
+  for (int j = 4; j < 8; ++j) robot.actuation->tendons[static_cast<std::size_t>(j)].node_id = j;
+  options.plant_robot = robot;
+  const Figures run = Follow(options, "circle");
+  std::printf("mixed: rms %.3f mm, at most %.3f mm\n", 1e3 * run.rms_m, 1e3 * run.largest_m);
+  EXPECT_LT(run.rms_m, 0.01);
+  EXPECT_LT(static_cast<int>(run.cycles.rbegin()->first), 400) << "no fault";
+}
+
+TEST(Pairs, APlantWithOtherMotorsIsRefused) {
+  ClosedLoopOptions options = Options(ControlLaw::kPaper);
+  options.plant_robot.actuation->pairs.clear();
+  EXPECT_THAT([&] { ClosedLoop loop(options); },
+              testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr("2 motors, the plant's 4")));
 }
 
 }  // namespace

@@ -10,7 +10,9 @@
 #include "tendril/model/arc_tensions.h"
 #include "tendril/model/bending_model.h"
 #include "tendril/model/capstan.h"
+#include "tendril/model/inverse_equilibrium.h"
 #include "tendril/model/pull_map.h"
+#include "tendril/model/statics.h"
 
 namespace tendril::model {
 namespace {
@@ -121,6 +123,26 @@ TEST(TendonPairs, ShareAForceAmongMoreDrivesThanItNeeds) {
       if (other_N.minCoeff() < least_N || other_N.maxCoeff() > 8) continue;
       EXPECT_GE(cost(other_N), cost(found.tension_N) - 1e-9);
     }
+  }
+}
+
+// The units' own equilibrium: in balance, with tensions that the pairs can take.
+TEST(TendonPairs, InverseEquilibriaAreTheirs) {
+  const RobotParameters robot = Pairs();
+  const Body body(robot.body);
+  const TendonPairs pairs(robot);
+  const InverseEquilibrium inverse(body, robot.limits.min_tension_N, robot.limits.max_tension_base_N, pairs);
+  TendonVector shortening_m(4);
+  for (const double angle : {0.0, 0.8, 2.9, 5.0}) {
+    const Eigen::Vector2d bend(1.2 * std::cos(angle), 1.2 * std::sin(angle));
+    const TensionedShape found = inverse.ForBending(bend);
+    ASSERT_EQ(found.status, Status::kOk);
+    body.TendonShortening(found.q, shortening_m);
+    TendonVector taken_N = found.tension_N;
+    EXPECT_FALSE(pairs.Share(shortening_m, robot.limits.max_tension_base_N, taken_N));
+    EXPECT_LT((taken_N - found.tension_N).cwiseAbs().maxCoeff(), 1e-6);
+    const Equilibrium still = SolveStatics(body, found.tension_N, {});
+    EXPECT_LT((still.q - found.q).cwiseAbs().maxCoeff(), 1e-7);
   }
 }
 

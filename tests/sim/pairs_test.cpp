@@ -133,8 +133,12 @@ TEST(PlantPairs, AMotorsEffectIsNamedAtTheFirstTendon) {
   EXPECT_THAT([&] { ParseEffect("torque_saturation where=tendon:3 deficit_Nm=0.001", robot); },
               testing::ThrowsMessage<std::invalid_argument>(testing::AllOf(
                   testing::HasSubstr("tendon 3 has no motor"), testing::HasSubstr("tendon:1"))));
+  EXPECT_THAT([&] { ParseEffect("encoder_offset where=tendon:3 rad=0.1", robot); },
+              testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr("tendon 3 has no motor")));
   RobotParameters slack = robot;
   slack.effects.push_back(ParseEffect("backlash where=tendon:1 rad=0.05", robot));
+  EXPECT_THAT([&] { CheckEffects(slack); },
+              testing::ThrowsMessage<EffectError>(testing::HasSubstr("whose spool is that of a pair")));
   EXPECT_THAT([&] { Plant plant(slack); },
               testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr("share a spool")));
 }

@@ -38,7 +38,7 @@ void InverseRows(const RobotParameters& robot, const InverseOptions& options) {
   io::CsvWriter out(stdout, io::Numbered("T", body.tendons()));
   Unmet unmet;
   model::ArcTensions arcs(body, model::TendonPairs(robot));
-  const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N);
+  const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N, model::TendonPairs(robot));
   while (rows.Next()) {
     const VectorXd bend = Cursor(rows.required()).Take(2 * k);
     const bool moving = rows.has(0);
@@ -71,7 +71,7 @@ void InverseRows(const RobotParameters& robot, const InverseOptions& options) {
 void InverseTipRows(const RobotParameters& robot, const MinTensionOption& min_tension) {
   const Body body(robot.body);
   const TensionBounds bounds = min_tension.BoundsOf(robot);
-  const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N);
+  const model::InverseEquilibrium equilibrium(body, bounds.low_N, bounds.high_N, model::TendonPairs(robot));
   io::CsvReader rows = Stdin({"x", "y", "z"}, {{"dx", "dy", "dz", "ddx", "ddy", "ddz"}});
   io::CsvWriter out(
       stdout, io::Columns(io::Numbered("T", body.tendons()), io::NumberedPairs("u", "v", body.units())));

@@ -34,7 +34,9 @@ std::string WhyNoShape(const TensionedShape& shape);
 class InverseEquilibrium {
  public:
   /// 0 <= min_tension_N <= max_tension_N (infinity: no limit); throws std::invalid_argument.
-  InverseEquilibrium(const Body& body, double min_tension_N, double max_tension_N);
+  /// Of `pairs`, T_min is the tension that their motor does not pull, and neither tendon has less than the
+  /// robot's own.
+  InverseEquilibrium(const Body& body, double min_tension_N, double max_tension_N, TendonPairs pairs = {});
 
   /// Static: the sums (us, vs) per section, 2K [rad].
   TensionedShape ForBending(ConstVectorRef us_vs) const;
@@ -67,6 +69,7 @@ class InverseEquilibrium {
 
   const Body& body_;
   double min_tension_N_, max_tension_N_;
+  TendonPairs pairs_;
   Eigen::MatrixXd sum_;     // 2K x 2N: q to (us, vs)
   Eigen::MatrixXd spread_;  // 2N x 2K: (us, vs) to q of the arc shape
 };

@@ -21,6 +21,9 @@ constexpr double kLost_mps = 0.01;
 // Decay of the extra minimum tension after fast motion: the next fast motion may follow soon, and the robot
 // still oscillates.
 constexpr double kRotorFades_Nps = 3;
+// What friction adds to a pair's tensions changes their bounds and thereby what is commanded, so it follows
+// slowly against the cycle.
+constexpr double kOffset_s = 0.05;
 
 }  // namespace
 
@@ -121,9 +124,11 @@ void DriveTorques::PartPair(const model::TendonPairs::Pair& pair, const Cycle& c
     output.tension_desired_motor_N[pair.first] = std::max(0., at_motor.first_N);
     output.tension_desired_motor_N[pair.second] = std::max(0., at_motor.second_N);
     output.sliding_direction[pair.second] = -output.sliding_direction[pair.first];
-    pair_offset_N_[pair.first] = pair_offset_N_[pair.second] = (1 - pair.first_share) * at_base.first_N +
-                                                               pair.first_share * at_base.second_N -
-                                                               unpulled_N_[pair.first];
+    const double offset_N = (1 - pair.first_share) * at_base.first_N + pair.first_share * at_base.second_N -
+                            unpulled_N_[pair.first];
+    pair_offset_N_[pair.first] +=
+        std::min(1.0, period_s_ / kOffset_s) * (offset_N - pair_offset_N_[pair.first]);
+    pair_offset_N_[pair.second] = pair_offset_N_[pair.first];
   }
   output.torque_desired_Nm[pair.second] = -torque_Nm;
 }
