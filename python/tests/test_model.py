@@ -11,7 +11,7 @@ import tendril
 
 from conftest import ROBOTS, program
 
-FILES = ["rig_60mm.yaml", "two_section.yaml", "four_tendon_90mm.yaml"]
+FILES = ["rig_60mm.yaml", "two_section.yaml", "four_tendon_90mm.yaml", "pairs_90mm.yaml"]
 
 
 @pytest.fixture(params=FILES, scope="module")

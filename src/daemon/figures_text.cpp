@@ -23,8 +23,13 @@ std::string Millimetres(const std::optional<double>& length_m) {
   return fmt::format("{:.3g} mm", *length_m < kNothing_m ? 0 : 1e3 * *length_m);
 }
 
-std::string FullBend(const model::SectionFigures& s, const LimitParameters& limits) {
-  if (!s.full_bend_base_N) return "not held at any tension";
+bool HasPairs(const RobotParameters& robot) { return robot.actuation && !robot.actuation->pairs.empty(); }
+
+std::string FullBend(const model::SectionFigures& s, const RobotParameters& robot) {
+  const LimitParameters& limits = robot.limits;
+  if (!s.full_bend_base_N)
+    return HasPairs(robot) ? "not held: more than the pretension of the pairs gives"
+                           : "not held at any tension";
   std::string text = fmt::format("{:.3g} N at the base ({:.0f} % of limits.max_tension_base_N)",
                                  *s.full_bend_base_N, 100 * *s.full_bend_base_N / limits.max_tension_base_N);
   if (s.full_bend_torque_Nm) {
@@ -54,7 +59,7 @@ std::string FiguresComment(const RobotParameters& robot) {
         Line("bending stiffness" + number, fmt::format("E I = {:.4g} N·m², over the section {:.4g} N·m/rad",
                                                        s.bending_stiffness_Nm2, s.stiffness_Nm));
     text += Line("full bend" + number,
-                 fmt::format("{:g} rad: {}", robot.limits.max_bending_rad, FullBend(s, robot.limits)));
+                 fmt::format("{:g} rad: {}", robot.limits.max_bending_rad, FullBend(s, robot)));
   }
   text +=
       Line("sag under gravity", fmt::format("{} as mounted, {} held level, of {:.4g} mm of length",
@@ -70,10 +75,9 @@ std::string FiguresComment(const RobotParameters& robot) {
                           Millimetres(worst_m), robot.limits.max_tension_base_N, robot.limits.min_tension_N)
             : "no equilibrium of this or that model under one tendon at limits.max_tension_base_N");
   }
-  const bool pairs = robot.actuation && !robot.actuation->pairs.empty();
   const std::string each =
-      pairs ? fmt::format("in {} tendons", robot.body.tendons())
-            : fmt::format("({} x {:g} N)", robot.body.tendons(), robot.limits.min_tension_N);
+      HasPairs(robot) ? fmt::format("in {} tendons", robot.body.tendons())
+                      : fmt::format("({} x {:g} N)", robot.body.tendons(), robot.limits.min_tension_N);
   return text + Line("weight", fmt::format("{:.3g} N, against {:.3g} N of pretension {}", figures.weight_N,
                                            figures.pretension_N, each));
 }

@@ -79,17 +79,20 @@ std::string ReachWarning(const DaemonParameters& daemon, const RobotParameters& 
   const double holdable_rad =
       control::Reach(robot, body, control::CommandedLimits(limits), 0, true).holdable_rad();
   if (holdable_rad >= kHeldShare * limits.max_bending_rad) return "";
+  const bool pairs = !robot.actuation->pairs.empty();
   const char* bases = body.sections() > 1 ? "the base section carries all others, and " : "";
   const std::string text = fmt::format(
-      "{:g} is far beyond what {} can hold: {}{:g} of limits.max_tension_base_N ({:g} N) hold its {} {}; "
+      "{:g} is far beyond what {} can hold: {}{:g} of limits.max_tension_base_N ({:g} N){} hold its {} {}; "
       "goals beyond it are limited (status 103) and motions near it are slow (110); shorten or lighten what "
-      "is carried, thicken the backbone's base, or raise limits.max_tension_base_N",
+      "is carried, thicken the backbone's base, or raise {}",
       limits.max_bending_rad, robot.name, bases, control::kCommandedTensionShare, limits.max_tension_base_N,
-      body.sections() > 1 ? "sections" : "section",
+      pairs ? " and the pretension of its pairs" : "", body.sections() > 1 ? "sections" : "section",
       holdable_rad > 0
           ? fmt::format("{} up to {:.2g} rad", every_way ? "in every direction" : "where its tendons pull it",
                         holdable_rad)
-          : "not even straight");
+      : pairs ? "straight only"
+              : "not even straight",
+      pairs ? "the pairs' pretension_N" : "limits.max_tension_base_N");
   return config::ErrorAt(daemon.robot_file, "limits.max_bending_rad", text).what();
 }
 

@@ -64,8 +64,10 @@ class Check {
     BendingVector held_rad = at.bending_rad;
     if (reach_.Limit(held_rad) == Status::kLimitedDirection) return model::HeldDirections(robot_.body);
     if (allocated.bound == Status::kLimitedTensionMax) {
-      return fmt::format("a tendon needs more than {:.3g} N at the base ({:g} of limits.max_tension_base_N)",
-                         most_N, control::kCommandedTensionShare);
+      return fmt::format(
+          "a tendon needs more than {:.3g} N at the base ({:g} of limits.max_tension_base_N){}", most_N,
+          control::kCommandedTensionShare,
+          robot_.actuation->pairs.empty() ? "" : ", or a pair more than its pretension gives");
     }
     for (int j = 0; j < body_.tendons(); ++j) {
       const auto& t = robot_.actuation->tendons[static_cast<std::size_t>(j)];
