@@ -58,7 +58,7 @@ struct NewWorkspace {
 struct NewArcs {
   SubjectPtr of;
   std::unique_ptr<model::ArcTensions> operator()() const {
-    return std::make_unique<model::ArcTensions>(of->body);
+    return std::make_unique<model::ArcTensions>(of->body, model::TendonPairs(of->robot));
   }
 };
 
