@@ -236,7 +236,6 @@ def test_inverse_of_pairs_equals_the_command_line():
         assert np.all(tension[:, 0] + tension[:, 2] < 8) and np.allclose(tension[:, 0] + tension[:, 2], 8, atol=0.4)
 
 
-
 def test_inverse_of_what_was_found(rig):
     model = tendril.Model(rig)
     q = model.statics([2.0, 0.5, 0.5])

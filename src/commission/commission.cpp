@@ -54,17 +54,16 @@ class Procedure {
         take_up_(daemon.controller.take_up),
         ask_(ask),
         tell_(tell),
-        tables_(model::MakeCapstanTables(robot.actuation->tendons, robot.limits.max_tension_motor_N)) {
+        tables_(model::MakeCapstanTables(robot.actuation->tendons, robot.limits.max_tension_motor_N)),
+        driven_(robot.actuation->DrivenTendons()) {
     const int m = robot.body.tendons();
     pull_N_ = TendonVector::Zero(m);
     result_.pull_N = take_up_.pull_N;
     for (const SectionParameters& s : robot.body.sections) {
       for (const TendonRoute& t : s.tendons) angles_rad_.push_back(t.angle_rad);
     }
-    for (int i = 0; i < robot.actuation->drives(); ++i) {
-      const int j = robot.actuation->TendonOf(i);
+    for (const int j : driven_) {
       const TendonDriveParameters& t = Drive(j);
-      driven_.push_back(j);
       DriveFinding f;
       f.tendon = j + 1;
       for (const NodeParameters& n : daemon.bus.nodes) {
@@ -476,8 +475,8 @@ class Procedure {
   const AskDirection& ask_;
   const std::function<void(const std::string&)>& tell_;
   const std::vector<std::shared_ptr<const model::CapstanTable>> tables_;
+  const std::vector<int> driven_;  // tendons, by drive
   std::vector<double> angles_rad_;
-  std::vector<int> driven_;  // tendons with a drive
   CommissionResult result_;
   const CycleRecord* record_ = nullptr;
   CycleInput start_;

@@ -176,7 +176,7 @@ void Describe(Io& io, TendonPair& p) {
   io.Integers("tendons", tendons, {1, kMaxTendons}, {2, 2},
               "The tendon that a positive motor angle pulls, and the opposite one.");
   io.Number("pretension_N", p.pretension_N, {1e-3, 10000},
-            "Tension of both at the base of the straight robot while the motor does not pull; above "
+            "Tension of both at the spool, on the straight robot while the motor does not pull; above "
             "limits.min_tension_N.");
   p.first = static_cast<int>(tendons[0]) - 1;
   p.second = static_cast<int>(tendons[1]) - 1;
@@ -199,47 +199,50 @@ inline std::string TendonsText(const TendonPair& pair) {
   return fmt::format("tendons {} and {}", pair.first + 1, pair.second + 1);
 }
 
+/// Whether two tendons of a section lie opposite each other all along, but for what drilling misses.
+inline bool Opposite(const TendonRoute& a, const TendonRoute& b) {
+  constexpr double kAngle_rad = 3 * std::numbers::pi / 180, kRadius = 0.02;
+  const double off_rad = std::remainder(a.angle_rad + std::numbers::pi - b.angle_rad, 2 * std::numbers::pi);
+  const auto alike = [](double x_m, double y_m) { return std::abs(x_m - y_m) <= kRadius * x_m; };
+  return std::abs(off_rad) <= kAngle_rad && alike(a.radius_m, b.radius_m) &&
+         alike(a.end_radius_m.value_or(a.radius_m), b.end_radius_m.value_or(b.radius_m)) &&
+         a.turn_rad_per_m == b.turn_rad_per_m && a.ends_at_disk == b.ends_at_disk;
+}
+
 /// Rules of the pairs among the tendons of `body`.
 inline void CheckPairs(Reader& io, const std::vector<TendonPair>& pairs, const BodyParameters& body,
                        const LimitParameters& limits) {
-  // Degrees and share by which holes made to be opposite may miss each other.
-  constexpr double kOpposite_rad = 0.05, kSameRadius = 0.02;
-  std::vector<int> section_of;
+  std::vector<std::size_t> section_of;  // by tendon, from 1
   for (std::size_t k = 0; k < body.sections.size(); ++k)
-    section_of.insert(section_of.end(), body.sections[k].tendons.size(), static_cast<int>(k));
+    section_of.insert(section_of.end(), body.sections[k].tendons.size(), k + 1);
+  const int tendons = body.tendons();
   std::vector<int> used(section_of.size(), 0);
-  for (const TendonPair& pair : pairs) {
-    const auto refuse_unless = [&](bool good, const std::string& what, const std::string& accepted) {
-      io.Check(good, "pairs",
-               fmt::format("{} {}; accepted: {}; correct the pair", TendonsText(pair), what, accepted));
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const TendonPair& pair = pairs[i];
+    const auto rule = [&](bool good, std::string_view key, const std::string& wrong_accepted) {
+      io.Check(good, fmt::format("pairs[{}].{}", i + 1, key), wrong_accepted + "; correct the pair");
     };
-    const int last = std::max(pair.first, pair.second), most = static_cast<int>(section_of.size());
-    refuse_unless(last < most, fmt::format("are a pair, and the robot has {}", most),
-                  fmt::format("two of the tendons 1 .. {}", most));
-    const auto first = static_cast<std::size_t>(pair.first), second = static_cast<std::size_t>(pair.second);
-    refuse_unless(++used[first] == 1 && ++used[second] == 1, "are a pair, and one of them is in two",
-                  "every tendon in one pair at most");
-    refuse_unless(section_of[first] == section_of[second],
-                  fmt::format("belong to sections {} and {}", section_of[first] + 1, section_of[second] + 1),
-                  "two tendons of one section");
-    const TendonRoute &a = body.RouteOf(pair.first), &b = body.RouteOf(pair.second);
-    const double off_rad = std::remainder(a.angle_rad + std::numbers::pi - b.angle_rad, 2 * std::numbers::pi);
-    const double a_end_m = a.end_radius_m.value_or(a.radius_m), b_end_m = b.end_radius_m.value_or(b.radius_m);
-    const bool alike = std::abs(a.radius_m - b.radius_m) <= kSameRadius * a.radius_m &&
-                       std::abs(a_end_m - b_end_m) <= kSameRadius * a_end_m &&
-                       a.turn_rad_per_m == b.turn_rad_per_m && a.ends_at_disk == b.ends_at_disk;
-    refuse_unless(
-        std::abs(off_rad) <= kOpposite_rad && alike,
-        "do not lie opposite each other, so one motor would stretch or slacken both",
-        fmt::format("holes {:.0f}° apart within {:.2g}°, at the same radius within {:.0f} %, to the "
-                    "same disk",
-                    180., kOpposite_rad * 180 / std::numbers::pi, 100 * kSameRadius));
+    const bool there = std::max(pair.first, pair.second) < tendons;
+    rule(there, "tendons",
+         fmt::format("{} are a pair, and the robot has {}; accepted: two of the tendons 1 .. {}",
+                     TendonsText(pair), tendons, tendons));
+    if (!there) continue;
+    const auto a = static_cast<std::size_t>(pair.first), b = static_cast<std::size_t>(pair.second);
+    rule(
+        ++used[a] == 1 && ++used[b] == 1, "tendons",
+        fmt::format("one of {} is named twice; accepted: every tendon once in all pairs", TendonsText(pair)));
+    rule(section_of[a] == section_of[b], "tendons",
+         fmt::format("{} belong to sections {} and {}; accepted: two tendons of one section",
+                     TendonsText(pair), section_of[a], section_of[b]));
+    rule(Opposite(body.RouteOf(pair.first), body.RouteOf(pair.second)), "tendons",
+         fmt::format("{} do not lie opposite each other, so that one motor would stretch or slacken both; "
+                     "accepted: holes 180° apart within 3°, at the same radius within 2 %, to the same disk",
+                     TendonsText(pair)));
     const double most_N = std::min(limits.max_tension_base_N, limits.max_tension_motor_N);
-    refuse_unless(pair.pretension_N > limits.min_tension_N && pair.pretension_N < most_N,
-                  fmt::format("have a pretension of {} N", pair.pretension_N),
-                  fmt::format("above limits.min_tension_N, {} N, and below max_tension_base_N and "
-                              "max_tension_motor_N, {} N",
-                              limits.min_tension_N, most_N));
+    rule(pair.pretension_N > limits.min_tension_N && pair.pretension_N < most_N, "pretension_N",
+         fmt::format("{}; accepted: above limits.min_tension_N, {} N, and below max_tension_base_N and "
+                     "max_tension_motor_N, {} N",
+                     pair.pretension_N, limits.min_tension_N, most_N));
   }
 }
 
@@ -264,8 +267,7 @@ inline void DescribeActuation(Lister& io, ActuationParameters& p) {
   DescribeTracker(io, p.tracker);
 }
 
-/// What the second tendon of a pair has from the first's drive.
-/// `own` are the second's keys in per_tendon.
+/// What the second tendon of a pair has from the first's drive; `own` are the second's keys in per_tendon.
 inline void ShareDrive(Reader& io, const TendonPair& pair, const Layer& own,
                        std::vector<TendonDriveParameters>& tendons) {
   const TendonDriveParameters& first = tendons[static_cast<std::size_t>(pair.first)];

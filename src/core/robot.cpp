@@ -167,16 +167,17 @@ int ActuationParameters::drives() const { return static_cast<int>(tendons.size()
 
 int ActuationParameters::DriveOf(int tendon) const {
   const TendonPair* pair = PairOf(tendon);
-  const int pulled = pair != nullptr ? pair->first : tendon;
-  int drive = 0;
-  for (int j = 0; j < pulled; ++j) drive += HasDrive(j) ? 1 : 0;
-  return drive;
+  const std::vector<int> driven = DrivenTendons();
+  return static_cast<int>(std::find(driven.begin(), driven.end(), pair != nullptr ? pair->first : tendon) -
+                          driven.begin());
 }
 
-int ActuationParameters::TendonOf(int drive) const {
-  int tendon = 0;
-  while (!HasDrive(tendon) || drive-- > 0) ++tendon;
-  return tendon;
+std::vector<int> ActuationParameters::DrivenTendons() const {
+  std::vector<int> driven;
+  for (int j = 0; j < static_cast<int>(tendons.size()); ++j) {
+    if (HasDrive(j)) driven.push_back(j);
+  }
+  return driven;
 }
 
 double RobotParameters::RestTension_N(int tendon) const {

@@ -47,8 +47,7 @@ void LoopReport::Count(const Published& next) {
   statistics_.drives.resize(setups_.size());
   for (std::size_t i = 0; i < statistics_.drives.size(); ++i) {
     DriveStatistics& drive = statistics_.drives[i];
-    const auto tendon = static_cast<std::size_t>(actuation_.TendonOf(static_cast<int>(i)));
-    const DriveFeedback& now = r.input.drive[tendon];
+    const DriveFeedback& now = r.input.drive[static_cast<std::size_t>(driven_[i])];
     drive.node_id = setups_[i].node_id;
     drive.state = now.state;
     drive.statusword = now.statusword;

@@ -20,10 +20,10 @@ namespace tendril::daemon {
 
 class LoopReport {
  public:
-  /// `setups` are those of `actuation`; both must outlive it.
+  /// `setups` are those of `actuation` and must outlive it.
   LoopReport(const std::vector<canopen::DriveSetup>& setups, const ActuationParameters& actuation,
              double bitrate_bps)
-      : setups_(setups), actuation_(actuation), bitrate_bps_(bitrate_bps) {}
+      : setups_(setups), driven_(actuation.DrivenTendons()), bitrate_bps_(bitrate_bps) {}
 
   void Count(const Published& cycle);
   void Fault(const LastFault& fault) { statistics_.last_fault = fault; }
@@ -40,7 +40,7 @@ class LoopReport {
 
  private:
   const std::vector<canopen::DriveSetup>& setups_;
-  const ActuationParameters& actuation_;
+  std::vector<int> driven_;  // tendons, by drive
   double bitrate_bps_;
   rt::Histogram wake_latency_, round_trip_, compute_, total_;
   LoopStatistics statistics_;

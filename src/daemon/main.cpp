@@ -156,9 +156,9 @@ void LogSettings(const DaemonOptions& o, const std::string& config_path) {
   const DaemonParameters& p = o.parameters;
   std::string nodes;
   const std::vector<canopen::DriveSetup> drives = DriveSetups(o.robot, p.bus);
+  const std::vector<int> driven = o.robot.actuation->DrivenTendons();
   for (std::size_t i = 0; i < drives.size(); ++i) {
-    nodes += fmt::format("{}{} -> tendon {}", nodes.empty() ? "" : ", ", drives[i].node_id,
-                         o.robot.actuation->TendonOf(static_cast<int>(i)) + 1);
+    nodes += fmt::format("{}{} -> tendon {}", nodes.empty() ? "" : ", ", drives[i].node_id, driven[i] + 1);
     if (const canopen::DriveProfile& drive = *drives[i].profile; !drive.file.empty())
       nodes += fmt::format(" ({} by {})", drive.name, drive.file);
   }

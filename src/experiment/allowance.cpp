@@ -32,7 +32,8 @@ Allowance::Allowance(const RobotParameters& robot, const ControllerParameters& c
       tables_(model::MakeCapstanTables(robot.actuation->tendons, robot.limits.max_tension_motor_N)) {
   for (int k = 0; k < sections_; ++k) cones_.push_back(model::PullConeOf(robot.body, k));
   for (std::size_t j = 0; j < tables_.size(); ++j) {
-    law_.emplace_back(robot.actuation->tendons[j], robot.limits, controller.capstan_compensation, tables_[j]);
+    law_.emplace_back(robot.actuation->tendons[j], robot.limits, controller.capstan_compensation,
+                      control::Pulled(robot.actuation->tendons[j], robot.limits.min_tension_N, tables_[j]));
   }
 }
 

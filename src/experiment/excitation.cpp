@@ -12,6 +12,7 @@
 
 #include "allowance.h"
 #include "families.h"
+#include "tendril/gap/data_set.h"
 #include "tendril/model/held_directions.h"
 #include "track.h"
 
@@ -141,12 +142,7 @@ Program MakeProgram(const PlannedRun& run, const RobotParameters& robot,
         "robot '" + robot.name +
         "' has no actuation (motors, drives, tendons): use a rig file such as rig_90mm.yaml");
   }
-  if (!robot.actuation->pairs.empty()) {
-    throw std::invalid_argument(
-        "robot '" + robot.name +
-        "' has antagonistic pairs, whose runs are not diagnosed: use a robot file with a "
-        "motor for every tendon");
-  }
+  gap::RequireAMotorForEachTendon(robot);
   Allowance allowance(robot, controller);
   const auto [active, tension] =
       run.targets == PlannedRun::Targets::kFamily

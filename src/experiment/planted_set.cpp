@@ -6,6 +6,7 @@
 
 #include "tendril/core/load_cell_place.h"
 #include "tendril/core/usage_error.h"
+#include "tendril/gap/data_set.h"
 #include "tendril/sim/effects.h"
 
 namespace tendril::experiment {
@@ -21,12 +22,7 @@ RobotParameters WithSensors(RobotParameters robot, const std::string& from,
     throw std::runtime_error(
         from + " has no actuation (motors, drives, tendons); use a rig file such as rig_90mm.yaml");
   }
-  if (!robot.actuation->pairs.empty()) {
-    throw std::runtime_error(
-        from +
-        " has antagonistic pairs, whose runs are not diagnosed; use a robot file with a motor "
-        "for every tendon");
-  }
+  gap::RequireAMotorForEachTendon(robot);
   if (load_cell) {
     for (auto& tendon : robot.actuation->tendons) {
       if (*load_cell != LoadCellPlace::kNone && !(tendon.load_cell.gain_VpN > 0))

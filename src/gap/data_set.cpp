@@ -64,15 +64,6 @@ void SettleCell(Run& run, std::optional<LoadCellPlace> declared) {
   }
 }
 
-/// The motor of a pair shows the difference of two tensions, which the chain of cuts has no place for.
-void RequireAMotorForEachTendon(const RobotParameters& robot) {
-  if (!robot.actuation || robot.actuation->pairs.empty()) return;
-  throw std::runtime_error(fmt::format(
-      "robot '{}' has antagonistic pairs, whose runs are not diagnosed; accepted: robots with a motor "
-      "for every tendon",
-      robot.name));
-}
-
 /// The robot that the tables of a folder were recorded with; empty where no file names it, or none that can
 /// be read.
 std::optional<RobotParameters> RecordedWith(const fs::path& folder) {
@@ -287,6 +278,14 @@ void RefuseTwice(const std::vector<std::string>& paths) {
 }
 
 }  // namespace
+
+void RequireAMotorForEachTendon(const RobotParameters& robot) {
+  if (!robot.actuation || robot.actuation->pairs.empty()) return;
+  throw std::runtime_error(fmt::format(
+      "robot '{}' has antagonistic pairs, whose runs are not diagnosed; accepted: robots with a motor "
+      "for every tendon; use another robot file",
+      robot.name));
+}
 
 DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path, OtherRobot other_robot) {
   if (std::error_code error; !fs::is_directory(folder, error)) {

@@ -358,11 +358,10 @@ TensionAllocator::Result TensionAllocator::AllocatePairs(const Eigen::Ref<const 
     const double a = pair.first_share, b = 1 - a;
     columns.col(c) = std::numbers::sqrt2 * (a * jacobian.col(pair.first) - b * jacobian.col(pair.second));
     rest_Nm -= unpulled_N[pair.first] * (jacobian.col(pair.first) + jacobian.col(pair.second));
-    const double give_N = unpulled_N[pair.first] - pairs_.least_N();
-    const double room_a_N = max_tension_N[pair.first] - unpulled_N[pair.first];
-    const double room_b_N = max_tension_N[pair.second] - unpulled_N[pair.second];
-    upper[c] = std::max(std::min(give_N / b, room_a_N / a) / std::numbers::sqrt2, kLeastPull_N);
-    lower[c] = -std::max(std::min(give_N / a, room_b_N / b) / std::numbers::sqrt2, kLeastPull_N);
+    const auto pulls = pair.PullsWithin(unpulled_N[pair.first], pairs_.least_N(), max_tension_N[pair.first],
+                                        max_tension_N[pair.second]);
+    upper[c] = std::max(pulls.most_N / std::numbers::sqrt2, kLeastPull_N);
+    lower[c] = std::min(pulls.least_N / std::numbers::sqrt2, -kLeastPull_N);
     column_of[pair.first] = column_of[pair.second] = static_cast<int>(c++);
   }
   for (int j = 0; j < tendons_; ++j) {
@@ -377,15 +376,13 @@ TensionAllocator::Result TensionAllocator::AllocatePairs(const Eigen::Ref<const 
   result.tension_N.resize(tendons_);
   for (int j = 0; j < tendons_; ++j) result.tension_N[j] = x[column_of[j]];
   for (const TendonPairs::Pair& pair : pairs_.all()) {
-    const double pull_N = std::numbers::sqrt2 * x[column_of[pair.first]];
-    result.tension_N[pair.first] = unpulled_N[pair.first] + pair.first_share * pull_N;
-    result.tension_N[pair.second] = result.tension_N[pair.first] - pull_N;
+    pair.Split(unpulled_N[pair.first], std::numbers::sqrt2 * x[column_of[pair.first]], result.tension_N);
   }
   return result;
 }
 
-void TensionAllocator::Bend(const TendonVector& shortening_m) noexcept {
-  if (!pairs_.empty()) shortening_m_ = shortening_m;
+void TensionAllocator::Bend(const Body& body, ConstVectorRef q) noexcept {
+  if (!pairs_.empty()) body.TendonShortening(q, shortening_m_);
 }
 
 void TensionAllocator::AddFriction(const TendonVector& offset_N) noexcept {

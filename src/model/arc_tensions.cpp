@@ -8,7 +8,6 @@ ArcTensions::ArcTensions(const Body& body, TendonPairs pairs)
     : body_(body),
       workspace_(body),
       allocator_(body.tendons(), 2 * body.sections(), std::move(pairs)),
-      shortening_m_(TendonVector::Zero(body.tendons())),
       q_(UnitVector::Zero(body.dof())),
       dq_(q_),
       ddq_(q_),
@@ -31,10 +30,7 @@ TensionAllocator::Result ArcTensions::Move(const BendingVector& us_vs, const Ben
   body_.InverseDynamics(q_, dq_, ddq_, unit_force_Nm_, workspace_);
   body_.ProjectForce(unit_force_Nm_, force_Nm_);
   SectionForcePerTension(body_, us_vs, force_per_tension_);
-  if (allocator_.has_pairs()) {
-    body_.TendonShortening(q_, shortening_m_);
-    allocator_.Bend(shortening_m_);
-  }
+  allocator_.Bend(body_, q_);
   return allocator_.Allocate(force_per_tension_, force_Nm_, least_N, most_N);
 }
 

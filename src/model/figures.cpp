@@ -11,6 +11,7 @@
 #include "tendril/model/body.h"
 #include "tendril/model/capstan.h"
 #include "tendril/model/pull_cone.h"
+#include "tendril/model/pull_map.h"
 #include "tendril/model/statics.h"
 #include "tendril/model/tendon_pairs.h"
 
@@ -89,23 +90,41 @@ std::optional<Tensions> FullBend(const RobotParameters& robot, const Body& body,
   return most;
 }
 
-double Released_N(const TendonDriveParameters& t, double base_N) {
-  if (base_N <= 0) return 0;
-  return CapstanTable(t.transmission, 2 * base_N).BaseToMotor(base_N, -1);
+/// A tendon's motor as it pulls: the tension at the spool, and what of it the motor holds, which of a pair is
+/// the difference of both.
+struct AtMotor {
+  double tension_N, load_N;
+};
+AtMotor Pulling(const RobotParameters& robot, const Tensions& at_base, int tendon) {
+  const std::vector<TendonDriveParameters>& tendons = robot.actuation->tendons;
+  const TransmissionParameters& own = tendons[static_cast<std::size_t>(tendon)].transmission;
+  const TendonPairs pairs(robot);
+  for (const TendonPairs::Pair& pair : pairs.all()) {
+    if (pair.first != tendon && pair.second != tendon) continue;
+    const bool first = pair.first == tendon;
+    const double own_N = at_base.most_N[tendon], other_N = at_base.opposing_N[tendon];
+    const auto tables = MakeCapstanTables(tendons, std::max(2 * own_N, robot.limits.max_tension_motor_N));
+    const auto a = static_cast<std::size_t>(pair.first), b = static_cast<std::size_t>(pair.second);
+    PullMap map(pair, tendons[a].transmission, tables[a], tendons[b].transmission, tables[b]);
+    const double share = first ? pair.first_share : 1 - pair.first_share;
+    map.SetUnpulled((1 - share) * own_N + share * other_N);
+    const double side = first ? 1 : -1, pull_N = map.BaseToMotor(side * (own_N - other_N), side);
+    const PullMap::Tensions spool = map.AtMotor(pull_N);
+    return {first ? spool.first_N : spool.second_N, std::abs(pull_N)};
+  }
+  const double motor_N = SolveCapstan(own.pulleys, at_base.most_N[tendon] + own.coulomb_N);
+  return {motor_N, motor_N};
 }
 
 // Of friction that grows beyond all bounds the solver may find no tension: then there are no such figures.
-void AddMotors(const ActuationParameters& actuation, const Tensions& at_base, SectionFigures& figures) {
+void AddMotors(const RobotParameters& robot, const Tensions& at_base, SectionFigures& figures) {
   figures.full_bend_motor_N = figures.full_bend_torque_Nm = figures.full_bend_rated_share = 0;
-  for (std::size_t j = 0; j < actuation.tendons.size(); ++j) {
-    const TendonDriveParameters& t = actuation.tendons[j];
-    const double pulled_N = at_base.most_N[static_cast<Eigen::Index>(j)] + t.transmission.coulomb_N;
-    const double motor_N = SolveCapstan(t.transmission.pulleys, pulled_N);
-    // The other tendon of a pair helps, with less than it has at the base.
-    const double load_N = motor_N - Released_N(t, at_base.opposing_N[static_cast<Eigen::Index>(j)]);
+  for (int j = 0; j < at_base.most_N.size(); ++j) {
+    const TendonDriveParameters& t = robot.actuation->tendons[static_cast<std::size_t>(j)];
+    const AtMotor at_motor = Pulling(robot, at_base, j);
     const double torque_Nm =
-        load_N * t.SpoolTravelPerMotorRad() / t.gear.efficiency + t.motor.coulomb_friction_Nm;
-    figures.full_bend_motor_N = std::max(*figures.full_bend_motor_N, motor_N);
+        at_motor.load_N * t.SpoolTravelPerMotorRad() / t.gear.efficiency + t.motor.coulomb_friction_Nm;
+    figures.full_bend_motor_N = std::max(*figures.full_bend_motor_N, at_motor.tension_N);
     figures.full_bend_torque_Nm = std::max(*figures.full_bend_torque_Nm, torque_Nm);
     figures.full_bend_rated_share =
         std::max(*figures.full_bend_rated_share, torque_Nm / t.drive.rated_torque_Nm);
@@ -120,7 +139,7 @@ SectionFigures Section(const RobotParameters& robot, const Body& body, int secti
   if (const auto at_base = FullBend(robot, body, section)) {
     figures.full_bend_base_N = at_base->most_N.maxCoeff();
     try {
-      if (robot.actuation) AddMotors(*robot.actuation, *at_base, figures);
+      if (robot.actuation) AddMotors(robot, *at_base, figures);
     } catch (const std::exception&) {
       figures.full_bend_motor_N = figures.full_bend_torque_Nm = figures.full_bend_rated_share = std::nullopt;
     }

@@ -151,11 +151,7 @@ void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motio
     const MatrixXd q_per_tension = state.stiffness.solve(state.force_per_tension);
     const MatrixXd per_tension = slope * q_per_tension;
     const VectorXd error = target - Value(goal, state.q);
-    if (allocator.has_pairs()) {
-      TendonVector shortening_m(body_.tendons());
-      body_.TendonShortening(state.q, shortening_m);
-      allocator.Bend(shortening_m);
-    }
+    allocator.Bend(body_, state.q);
     const auto required =
         allocator.Allocate(per_tension, error + per_tension * state.tension_N, least_N, max_tension_N_);
     const VectorXd step = required.tension_N - state.tension_N;
@@ -165,9 +161,10 @@ void InverseEquilibrium::Approach(Goal goal, const VectorXd& target, const Motio
     double length = longest;
     for (int attempt = 0; attempt < 25 && !moved; ++attempt, length *= 0.5) {
       State next = state;
-      next.tension_N = (state.tension_N + length * step)
-                           .cwiseMax(pairs_.empty() ? min_tension_N_ : 0)
-                           .cwiseMin(max_tension_N_);  // except for round-off
+      next.tension_N =
+          (state.tension_N + length * step)
+              .cwiseMax(pairs_.empty() ? min_tension_N_ : std::min(min_tension_N_, pairs_.least_N()))
+              .cwiseMin(max_tension_N_);  // except for round-off
       next.q = state.q + length * (q_per_tension * step);
       if (!Balance(next, motion)) continue;
       const double next_error = (target - Value(goal, next.q)).norm();

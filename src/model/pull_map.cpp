@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "tendril/model/bracketed_root.h"
+
 namespace tendril::model {
 namespace {
 
@@ -19,7 +21,7 @@ PullMap::PullMap(const TendonPairs::Pair& pair, const TransmissionParameters& fi
                  const TransmissionParameters& second, Table second_table)
     : first_{std::move(first_table), first.coulomb_N},
       second_{std::move(second_table), second.coulomb_N},
-      share_(pair.first_share),
+      pair_(pair),
       unpulled_N_(pair.pretension_N) {}
 
 double PullMap::Side::Base_N(double motor_N, double z) const noexcept {
@@ -32,13 +34,13 @@ double PullMap::Side::Friction_N(double most_N) const noexcept {
 
 double PullMap::Within(double motor_N, double most_N) const noexcept {
   if (!is_pair()) return std::min(motor_N, most_N);
-  const double room_N = std::max(0.0, most_N - unpulled_N_);
-  return std::clamp(motor_N, -room_N / (1 - share_), room_N / share_);
+  const auto pulls = pair_.PullsWithin(unpulled_N_, -HUGE_VAL, most_N, most_N);
+  return std::clamp(motor_N, pulls.least_N, pulls.most_N);
 }
 
 PullMap::Tensions PullMap::AtMotor(double motor_N) const noexcept {
   if (!is_pair()) return {motor_N, 0};
-  return {unpulled_N_ + share_ * motor_N, unpulled_N_ - (1 - share_) * motor_N};
+  return {unpulled_N_ + pair_.first_share * motor_N, unpulled_N_ - (1 - pair_.first_share) * motor_N};
 }
 
 PullMap::Tensions PullMap::AtBase(double motor_N, double z) const noexcept {
@@ -53,34 +55,16 @@ double PullMap::MotorToBase(double motor_N, double z) const noexcept {
   return base.first_N - base.second_N;
 }
 
-// Of a pair by bracketed secant steps: the map rises with the pull.
+// Of a pair: the map rises with the pull.
 double PullMap::BaseToMotor(double base_N, double z) const noexcept {
   if (!is_pair()) return first_.table->BaseToMotor(std::max(0.0, base_N + first_.coulomb_N * z), z);
   const double friction_N = PairFriction_N(base_N);
-  double low_N = base_N - friction_N, high_N = base_N + friction_N;
-  double at_low = MotorToBase(low_N, z) - base_N, at_high = MotorToBase(high_N, z) - base_N;
+  const double low_N = base_N - friction_N, high_N = base_N + friction_N;
+  const auto excess_N = [this, base_N, z](double motor_N) { return MotorToBase(motor_N, z) - base_N; };
+  const double at_low = excess_N(low_N), at_high = excess_N(high_N);
   if (at_low >= 0) return low_N;
   if (at_high <= 0) return high_N;
-  double motor_N = base_N;
-  int side = 0;
-  for (int i = 0; i < kMostSteps && high_N - low_N > kSolved_N; ++i) {
-    motor_N = (low_N * at_high - high_N * at_low) / (at_high - at_low);
-    const double at = MotorToBase(motor_N, z) - base_N;
-    if (std::abs(at) <= kSolved_N) break;
-    // Illinois: halve the weight of an end that stays, so that both ends converge.
-    if (at > 0) {
-      high_N = motor_N;
-      at_high = at;
-      if (side == 1) at_low *= 0.5;
-      side = 1;
-    } else {
-      low_N = motor_N;
-      at_low = at;
-      if (side == -1) at_high *= 0.5;
-      side = -1;
-    }
-  }
-  return motor_N;
+  return BracketedRoot(excess_N, low_N, at_low, high_N, at_high, kSolved_N, kMostSteps);
 }
 
 // No tendon of the pair has more than the unpulled tension and the whole pull.

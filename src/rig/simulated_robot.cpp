@@ -7,6 +7,7 @@
 #include <mutex>
 #include <optional>
 #include <utility>
+#include <vector>
 
 #include "tendril/can/memory_bus.h"
 #include "tendril/emulator/faults.h"
@@ -34,11 +35,11 @@ struct SimulatedRobot::State {
 
   /// The leads of a drive as the daemon's file says they are.
   void Wire(const RobotParameters& robot, const NodeParameters& node) {
-    const ActuationParameters& actuation = *robot.actuation;
-    for (int i = 0; i < actuation.drives(); ++i) {
-      if (actuation.tendons[static_cast<std::size_t>(actuation.TendonOf(i))].node_id != node.node_id)
-        continue;
-      rig.Connect(i, {.motor_reversed = node.motor_reversed, .encoder_reversed = node.encoder_reversed});
+    const std::vector<int> driven = robot.actuation->DrivenTendons();
+    for (std::size_t i = 0; i < driven.size(); ++i) {
+      if (robot.actuation->tendons[static_cast<std::size_t>(driven[i])].node_id != node.node_id) continue;
+      rig.Connect(static_cast<int>(i),
+                  {.motor_reversed = node.motor_reversed, .encoder_reversed = node.encoder_reversed});
     }
   }
 

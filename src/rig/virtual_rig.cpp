@@ -10,18 +10,12 @@
 namespace tendril::rig {
 namespace {
 
-std::vector<int> DrivenTendons(const ActuationParameters& actuation) {
-  std::vector<int> tendons;
-  for (int i = 0; i < actuation.drives(); ++i) tendons.push_back(actuation.TendonOf(i));
-  return tendons;
-}
-
 std::vector<emulator::EmulatedDriveParameters> Drives(
     const RobotParameters& robot, const DriveProfiles& profiles,
     std::span<const emulator::EmulatedDriveParameters> more) {
   std::vector<emulator::EmulatedDriveParameters> drives;
-  for (int tendon_of : DrivenTendons(*robot.actuation)) {
-    const TendonDriveParameters& tendon = robot.actuation->tendons[static_cast<std::size_t>(tendon_of)];
+  for (const int j : robot.actuation->DrivenTendons()) {
+    const TendonDriveParameters& tendon = robot.actuation->tendons[static_cast<std::size_t>(j)];
     emulator::EmulatedDriveParameters drive;
     drive.node_id = tendon.node_id;
     drive.serial = static_cast<std::uint32_t>(drives.size() + 1);
@@ -57,7 +51,7 @@ VirtualRig::VirtualRig(const RobotParameters& robot, can::CanPort& port, const s
     : robot_(robot),
       plant_(robot_, options),
       rack_(Drives(robot_, profiles, more), port),
-      tendon_of_(DrivenTendons(*robot_.actuation)),
+      tendon_of_(robot_.actuation->DrivenTendons()),
       released_(tendon_of_.size(), false),
       torque_Nm_(plant_.tendons()),
       wiring_(released_.size()),

@@ -284,23 +284,8 @@ EffectSetting ParseEffect(std::string_view text, const RobotParameters& robot) {
 }
 
 void CheckEffects(const RobotParameters& robot) {
-  const std::vector<Resolved> all = ResolveAll(robot, Bounds::kChecked);
-  if (!robot.actuation || robot.actuation->pairs.empty()) return;
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    if (all[i].effect->add == nullptr) continue;
-    PlantLaws laws(robot.body.tendons());
-    all[i].effect->add(laws, robot, all[i].target, ValuesOf(robot.effects[i], robot));
-    for (int j = 0; j < robot.body.tendons(); ++j) {
-      const TendonLaws& its = laws.tendon[static_cast<std::size_t>(j)];
-      const bool turns_free = its.play_rad != 0 || its.spool_growth_mprad != 0;
-      if (!turns_free || robot.actuation->PairOf(j) == nullptr) continue;
-      throw EffectError(static_cast<int>(i) + 1,
-                        fmt::format("{} at tendon {}, whose spool is that of a pair and has neither play nor "
-                                    "growth in the simulator; accepted: tendons with a motor of their own; "
-                                    "remove it",
-                                    all[i].effect->name, j + 1));
-    }
-  }
+  ResolveAll(robot, Bounds::kChecked);
+  if (robot.actuation && !robot.actuation->pairs.empty()) PlantLaws::Of(robot);
 }
 
 RobotParameters LoadRobot(const std::string& path) {
@@ -365,12 +350,33 @@ RobotParameters FoldEffects(const RobotParameters& robot) {
   return folded;
 }
 
+namespace {
+
+// Of a spool that a pair shares neither play nor growth is simulated. `effect`, the entry of that number, has
+// just been added.
+void RequirePlainSpools(const PlantLaws& laws, const RobotParameters& robot, const Effect& effect,
+                        int entry) {
+  for (int j = 0; j < static_cast<int>(laws.tendon.size()); ++j) {
+    const TendonLaws& its = laws.tendon[static_cast<std::size_t>(j)];
+    const bool plain = its.play_rad == 0 && its.spool_growth_mprad == 0;
+    if (plain || !robot.actuation || robot.actuation->PairOf(j) == nullptr) continue;
+    throw EffectError(entry,
+                      fmt::format("{} at tendon {}, whose spool is that of a pair and has neither play nor "
+                                  "growth in the simulator; accepted: tendons with a motor of their own; "
+                                  "remove it",
+                                  effect.name, j + 1));
+  }
+}
+
+}  // namespace
+
 PlantLaws PlantLaws::Of(const RobotParameters& robot) {
   PlantLaws laws(robot.body.tendons());
   const std::vector<Resolved> all = ResolveAll(robot, Bounds::kKnown);
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (all[i].effect->add) {
       all[i].effect->add(laws, robot, all[i].target, ValuesOf(robot.effects[i], robot));
+      RequirePlainSpools(laws, robot, *all[i].effect, static_cast<int>(i) + 1);
     }
   }
   return laws;

@@ -1,7 +1,7 @@
 // The plant: body and drivetrains as one system of ordinary differential equations, with sensors. States:
 // unit bending q, motor angles and their rates; of a pair the second tendon's angle is the first's, turned
-// round. Friction memories are functions of position with state: read
-// within the solver's steps, moved only at accepted steps.
+// round. Friction memories are functions of position with state: read within the solver's steps, moved only
+// at accepted steps.
 #include "tendril/sim/plant.h"
 
 #include <fmt/core.h>
@@ -86,15 +86,7 @@ struct Plant::Impl final : OdeSystem {
                          CachedCapstanTable(tendon.transmission, TabulatedTo_N(robot), kCapstan),
                          laws.tendon[j]);
     }
-    for (const TendonPair& pair : actuation.pairs) {
-      if (!drive[pair.first].plain_spool() || !drive[pair.second].plain_spool()) {
-        throw std::invalid_argument(
-            fmt::format("robot '{}': tendons {} and {} share a spool, and neither its play nor its growth is "
-                        "simulated; accepted: effects other than backlash and spool_growth there",
-                        robot.name, pair.first + 1, pair.second + 1));
-      }
-      drive[pair.first].StartWithTorque(0);
-    }
+    for (const TendonPair& pair : actuation.pairs) drive[pair.first].StartWithTorque(0);
     length_jacobian.setZero(m, n);
     weighted.setZero(m, n);
     shortening.setZero(m);

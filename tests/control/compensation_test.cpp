@@ -19,7 +19,9 @@ class CompensationTest : public testing::Test {
         table(std::make_shared<const model::CapstanTable>(drive.transmission,
                                                           robot.limits.max_tension_motor_N)) {}
 
-  Compensation Make(bool capstan) { return {drive, robot.limits, capstan, table}; }
+  Compensation Make(bool capstan) {
+    return {drive, robot.limits, capstan, Pulled(drive, robot.limits.min_tension_N, table)};
+  }
 
   RobotParameters robot;
   TendonDriveParameters drive;
@@ -99,14 +101,14 @@ TEST_F(CompensationTest, SlidingStaysWhenTheShapeIsNotControlled) {
 TEST_F(CompensationTest, LimitsSayWhichOneActs) {
   LimitParameters tight = robot.limits;
   tight.max_tension_motor_N = 4;
-  Compensation by_tension(drive, tight, true, table);
+  Compensation by_tension(drive, tight, true, Pulled(drive, tight.min_tension_N, table));
   Compensation::Result r = by_tension.Step(5, 0, true);
   EXPECT_EQ(r.tension_motor_N, 4);
   EXPECT_EQ(r.status, Status::kLimitedMotorTension);
 
   TendonDriveParameters weak = drive;
   weak.drive.current_limit_A = 0.1;
-  Compensation by_torque(weak, robot.limits, true, table);
+  Compensation by_torque(weak, robot.limits, true, Pulled(weak, robot.limits.min_tension_N, table));
   r = by_torque.Step(5, 0, true);
   EXPECT_NEAR(r.torque_Nm, 0.0196 * 0.1, 1e-15);
   EXPECT_EQ(r.status, Status::kLimitedTorque);

@@ -500,6 +500,31 @@ TEST(Controller, TensionOverTheLimitIsAFault) {
   EXPECT_EQ(loop.output.status, Status::kTensionOverLimit);
 }
 
+// Without a cell the torque shows the tension, which rotors and friction change for moments.
+TEST(Controller, TensionByTorqueOverTheLimitIsAFaultOnceConfirmed) {
+  RobotParameters robot = config::LoadRobot(TENDRIL_SOURCE_DIR "/config/robots/rig_60mm.yaml");
+  for (TendonDriveParameters& t : robot.actuation->tendons) t.load_cell.place = LoadCellPlace::kNone;
+  ControllerParameters parameters = kParameters;
+  parameters.guards.max_torque_error_N = 100;
+  const TendonDriveParameters& t = robot.actuation->tendons[0];
+  const double torque_Nm =
+      1.3 * robot.limits.max_tension_motor_N * t.SpoolTravelPerMotorRad() / t.gear.efficiency;
+  const auto permille = static_cast<std::int16_t>(std::lround(1e3 * torque_Nm / t.drive.rated_torque_Nm));
+  for (const int cycles : {parameters.guards.confirm_cycles - 1, parameters.guards.confirm_cycles}) {
+    IdealLoop loop(robot, parameters);
+    loop.RunUntilRunning();
+    for (int i = 0; i < cycles; ++i) {
+      ASSERT_EQ(loop.output.mode, Mode::kRunning) << i;
+      loop.output.torque_target_permille[0] = permille;  // what the drive will report
+      loop.Step();
+    }
+    loop.Step();
+    const bool confirmed = cycles == parameters.guards.confirm_cycles;
+    EXPECT_EQ(loop.output.mode, confirmed ? Mode::kFault : Mode::kRunning);
+    EXPECT_EQ(loop.output.status == Status::kTensionOverLimit, confirmed) << StatusText(loop.output.status);
+  }
+}
+
 // Running with `tension_N` in every tendon.
 void RunWithTension(IdealLoop& loop, double tension_N) {
   loop.RunUntilRunning();

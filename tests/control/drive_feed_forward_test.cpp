@@ -23,7 +23,9 @@ class DriveFeedForwardTest : public testing::Test {
   static DriveFeedForward::Result Step(DriveFeedForward& f, double tension_N, double shortening_m) {
     return f.Step(tension_N, shortening_m, shortening_m, true);
   }
-  DriveFeedForward Make(bool capstan = true) { return {drive, robot.limits, capstan, table, 1e-3}; }
+  DriveFeedForward Make(bool capstan = true) {
+    return {drive, robot.limits, capstan, Pulled(drive, robot.limits.min_tension_N, table), 1e-3};
+  }
 
   RobotParameters robot;
   TendonDriveParameters drive;
@@ -155,7 +157,7 @@ TEST_F(DriveFeedForwardTest, WithoutCapstanOnlyThePulleysAreFree) {
 TEST_F(DriveFeedForwardTest, LimitsSayWhichOneActs) {
   LimitParameters tight = robot.limits;
   tight.max_tension_motor_N = 4;
-  DriveFeedForward by_tension(drive, tight, true, table, 1e-3);
+  DriveFeedForward by_tension(drive, tight, true, Pulled(drive, tight.min_tension_N, table), 1e-3);
   DriveFeedForward::Result r;
   for (int i = 1; i <= 1000; ++i) r = Step(by_tension, 5, i * 1e-6);
   EXPECT_EQ(r.tension_motor_N, 4);

@@ -73,6 +73,34 @@ TEST(Reach, EndsWhereTensionsDo) {
   }
 }
 
+// The trajectory differentiates moving goals twice. Where another tendon reaches its bound there is a corner.
+TEST(Reach, OfAMovingGoalHasNoStepsAndFewCorners) {
+  for (const char* name : {"rig_60mm", "two_section"}) {
+    SCOPED_TRACE(name);
+    const RobotParameters robot = Rig(name);
+    const model::Body body(robot.body);
+    Reach reach(robot, body, robot.limits, 0.1, true);
+    constexpr double kStep_rad = 1e-4;
+    BendingVector before, given;
+    int limited = 0, corners = 0;
+    double largest_rad = 0;
+    for (int i = 0; i < 2000; ++i) {
+      BendingVector asked(2 * body.sections());
+      for (int k = 0; k < body.sections(); ++k)
+        asked.segment<2>(2 * k) << 2.6 * std::cos(kStep_rad * i + k), 2.6 * std::sin(kStep_rad * i + k);
+      limited += reach.Limit(asked) != Status::kOk;
+      const BendingVector last = given;
+      given = asked;
+      if (i >= 1) largest_rad = std::max(largest_rad, (given - last).norm());
+      if (i >= 2) corners += (given - 2 * last + before).norm() > 1e-6;
+      before = last;
+    }
+    EXPECT_GT(limited, 500);
+    EXPECT_LT(largest_rad, 10 * kStep_rad);
+    EXPECT_LT(corners, 10);
+  }
+}
+
 // A robot that cannot even be held straight has no bend to be brought back to.
 TEST(Reach, LeavesAloneWhatCannotBeHeldAtAll) {
   RobotParameters robot = Rig("rig_90mm");

@@ -139,8 +139,8 @@ TEST(PlantPairs, AMotorsEffectIsNamedAtTheFirstTendon) {
   slack.effects.push_back(ParseEffect("backlash where=tendon:1 rad=0.05", robot));
   EXPECT_THAT([&] { CheckEffects(slack); },
               testing::ThrowsMessage<EffectError>(testing::HasSubstr("whose spool is that of a pair")));
-  EXPECT_THAT([&] { Plant plant(slack); },
-              testing::ThrowsMessage<std::invalid_argument>(testing::HasSubstr("share a spool")));
+  EXPECT_THAT([&] { Plant plant(slack); }, testing::ThrowsMessage<std::invalid_argument>(
+                                               testing::HasSubstr("whose spool is that of a pair")));
 }
 
 }  // namespace

@@ -172,8 +172,8 @@ void Plant::ConnectLcm() {
 
 void Plant::SayReady() const {
   std::string nodes;
-  for (int i = 0; i < job_.robot.actuation->drives(); ++i) {
-    const auto& tendon = job_.tendons()[static_cast<std::size_t>(job_.robot.actuation->TendonOf(i))];
+  for (const int j : job_.robot.actuation->DrivenTendons()) {
+    const auto& tendon = job_.tendons()[static_cast<std::size_t>(j)];
     nodes += fmt::format("{}{}", nodes.empty() ? "" : " ", tendon.node_id);
     if (const auto profile = profiles_.Of(tendon.node_id); !profile->file.empty())
       nodes += fmt::format(" ({})", profile->name);

@@ -115,10 +115,10 @@ void AddCommissionCommand(CLI::App& app) {
       ->check(ChannelPrefix());
   AddKeyOption(*command);
   command
-      ->add_option(
-          "--seen", options->seen_deg,
-          "without a tracker: where the tip bends to under each tendon, in tendon order [deg from the base's "
-          "+x towards +y]")
+      ->add_option("--seen", options->seen_deg,
+                   "without a tracker: where the tip bends to under each motor's tendon, in tendon order, of "
+                   "a pair its "
+                   "first [deg from the base's +x towards +y]")
       ->expected(1, kMaxTendons)
       ->check(NumberFrom(-360, 360, "give degrees"));
   command->add_flag(

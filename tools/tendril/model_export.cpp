@@ -77,7 +77,7 @@ void AddModelExportCommand(CLI::App& model) {
       ->add_option(
           "--actuators", o->actuators,
           "of the MJCF: tensions at the base [N], or motors [N m] with gears, spools, elastic tendons and "
-          "constant friction; auto: motors where the robot file has them")
+          "constant friction; auto: motors where the robot file has them, one a tendon")
       ->check(CLI::IsMember({"auto", "motors", "tensions"}))
       ->capture_default_str();
   command

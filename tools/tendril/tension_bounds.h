@@ -18,8 +18,9 @@ class MinTensionOption {
  public:
   void AddTo(CLI::App& command) {
     option_ = command.add_option("--min-tension", min_tension_N_,
-                                 "least tension [N] of every tendon (default: limits.min_tension_N of the "
-                                 "robot file; the upper bound is its limits.max_tension_base_N)");
+                                 "least tension [N] of every tendon with a motor of its own (default: "
+                                 "limits.min_tension_N of the robot file; the upper bound is its "
+                                 "limits.max_tension_base_N)");
   }
   /// Throws UsageError where none is left.
   TensionBounds BoundsOf(const RobotParameters& robot) const {

@@ -3,12 +3,10 @@
 // the torque is continuous at a reversal. One object per tendon. Knows nothing of the bus.
 #pragma once
 
-#include <memory>
 #include <utility>
 
 #include "tendril/core/robot.h"
 #include "tendril/core/status.h"
-#include "tendril/model/capstan.h"
 #include "tendril/model/pull_map.h"
 #include "tendril/model/stop_operator.h"
 
@@ -17,7 +15,8 @@ namespace tendril::control {
 class StateArchive;
 
 /// What one motor pulls: a tendon, or a pair as one tendon whose tension is the first's less the second's and
-/// whose path is shortened by s in (k_a d_a - k_b d_b) / (k_a + k_b).
+/// whose path is shortened by (k_a d_a - k_b d_b) / (k_a + k_b). Tendons with equal pulleys may share a
+/// table.
 struct Pulled {
   double stiffness_Npm, rest_N;  // the latter of the straight robot at rest
   model::PullMap map;
@@ -38,10 +37,6 @@ class Compensation {
  public:
   Compensation(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
                Pulled pulled);
-  /// Of a tendon of its own. `table` maps base to motor tension; tendons with the same transmission may share
-  /// it.
-  Compensation(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
-               std::shared_ptr<const model::CapstanTable> table);
 
   struct Result {
     double sliding = 0;          // z_c in [-1, 1], +1: the motor pulls

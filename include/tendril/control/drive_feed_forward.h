@@ -26,9 +26,6 @@ class DriveFeedForward {
  public:
   DriveFeedForward(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
                    Pulled pulled, double period_s);
-  /// Of a tendon of its own.
-  DriveFeedForward(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
-                   std::shared_ptr<const model::CapstanTable> table, double period_s);
 
   struct Result : Compensation::Result {
     double motor_velocity_radps = 0;  // of the reference

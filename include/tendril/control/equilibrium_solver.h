@@ -78,7 +78,6 @@ class EquilibriumSolver {
 
   // Valid within one call only.
   double min_tension_N_;
-  TendonVector shortening_m_;
   TendonVector most_tension_N_;
   int iterations_ = 0;
   Status status_ = Status::kOk;

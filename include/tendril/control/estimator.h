@@ -78,8 +78,9 @@ class Estimator {
     LoadCellPlace place;
     double slack_N, range_variance_m2;
     double taut;   // from 0 (slack) to 1
-    int with;      // the other tendon of its pair, -1: it has a motor of its own
-    double share;  // of what the motor pulls, which this tendon of a pair gains
+    double share;  // of what the motor pulls, which this tendon of a pair gains; 0: a motor of its own
+
+    bool in_pair() const noexcept { return share > 0; }
     std::int32_t zero_counts = 0;
     model::StopOperators<4> presliding;
   };

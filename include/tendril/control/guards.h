@@ -50,6 +50,7 @@ class Guards {
  private:
   // Rules with a counter of consecutive broken cycles.
   enum Rule {
+    kOverTension,
     kSlack,
     kDisconnected,
     kDisagrees,
@@ -90,7 +91,7 @@ class Guards {
                    bool powered) noexcept;
   Status CheckShape(const CycleOutput& output, const Expectation& expected) noexcept;
   double MotorTension(std::size_t j, const CycleOutput& output) const noexcept;
-  bool OverTension(std::size_t j, double reading_N) const noexcept;
+  bool OverTension(std::size_t j, double reading_N) noexcept;
   /// Counts consecutive broken cycles; true once there are `cycles` of them.
   bool Confirmed(Tendon& tendon, Rule rule, bool broken, std::int32_t cycles) const noexcept;
 

@@ -43,7 +43,11 @@ class Reach {
   double CommandedTensionRate_radps() const noexcept { return rate_per_N_ * 0.5 * min_tension_N_; }
 
  private:
-  bool Holds(const BendingVector& bending_rad) noexcept;
+  /// Moments of the arcs' balance at rest that no tensions within the limits give; 0 where the bend is held.
+  double Lacking_Nm(const BendingVector& bending_rad) noexcept;
+  bool Holds(const BendingVector& bending_rad) noexcept { return Lacking_Nm(bending_rad) == 0; }
+  /// The largest share, from one that is `held` to 1, which is not.
+  double HeldShare(const BendingVector& bending_rad, double held) noexcept;
   void FindHoldable();
   void FindHoldableOfPulled();
 

@@ -218,7 +218,7 @@ struct LimitParameters {
 /// second. Motor, drive, gear, spool and node are those of the first.
 struct TendonPair {
   int first = 0, second = 0;  // 0-based over the sections
-  double pretension_N = 0;    // of both, at the base of the straight robot while the motor does not pull
+  double pretension_N = 0;    // of both, at the spool, on the straight robot while the motor does not pull
 };
 
 struct ActuationParameters {
@@ -231,10 +231,10 @@ struct ActuationParameters {
   /// Whether a tendon (0-based) has a drive: the second of a pair has none.
   bool HasDrive(int tendon) const;
   int drives() const;
-  /// The drive (0-based, in tendon order) that pulls a tendon (0-based), and the tendon that it pulls, of a
-  /// pair the first.
+  /// The drive (0-based, in tendon order) that pulls a tendon (0-based).
   int DriveOf(int tendon) const;
-  int TendonOf(int drive) const;
+  /// By drive the tendon (0-based) that it pulls, of a pair the first.
+  std::vector<int> DrivenTendons() const;
 };
 
 /// An effect that this robot has beyond the nominal model (the list `effects` of a robot file): by name, with
@@ -257,8 +257,8 @@ struct RobotParameters {
   /// that of all tendons ("actuation.motor.torque_constant_NmpA"). No part of what the robot is.
   std::map<std::string, Uncertainty> uncertain;
 
-  /// Base tension of a tendon (0-based) of the straight robot at rest: limits.min_tension_N, or that of its
-  /// pair.
+  /// Tension of a tendon (0-based) of the straight robot at rest, friction aside: limits.min_tension_N, or
+  /// the pretension of its pair.
   double RestTension_N(int tendon) const;
 };
 

@@ -63,6 +63,10 @@ struct DataSet {
 /// sections or tendons, encoder counts per turn, or a length that no plausible correction reaches.
 enum class OtherRobot { kRefused, kNoted };
 
+/// The motor of a pair shows the difference of two tensions, which the chain of cuts has no place for: throws
+/// std::runtime_error with the remedy.
+void RequireAMotorForEachTendon(const RobotParameters& robot);
+
 /// Reads a folder (robot.yaml, runs.yaml, CSV). `robot_path` overrides the folder's robot.yaml unless empty.
 /// A run that cannot be read is left out with a note. Throws std::runtime_error when the folder does not
 /// exist, no run is left, or its runs are refused because they are another robot's.

@@ -35,7 +35,6 @@ class ArcTensions {
   const Body& body_;
   Body::Workspace workspace_;
   TensionAllocator allocator_;
-  TendonVector shortening_m_;
   UnitVector q_, dq_, ddq_, unit_force_Nm_;
   BendingVector still_, force_Nm_;
   Eigen::MatrixXd force_per_tension_;

@@ -44,9 +44,10 @@ class InverseKinematics {
 
 /// Tensions for a required generalised force on the sections: among all T with T_min <= T <= T_max that
 /// produce it, the one with least sum (T - T_min)^2; unique, hence continuous in the force. Where none
-/// exists, the admissible T whose force is nearest, and among these the one of least sum. Antagonistic pairs
-/// have one free number, what their motor pulls; T_min is their tension without pull, and they never need
-/// more than the robot's own minimum. Equal input and shortening, equal bits.
+/// exists, the admissible T whose force is nearest, and among these the one of least sum. Of an
+/// antagonistic pair the unknown is what its motor pulls: the sum counts what that changes, and neither
+/// tendon has less than the robot's minimum tension, whatever T_min. Equal input, shape and friction, equal
+/// bits.
 class TensionAllocator {
  public:
   /// Throws std::invalid_argument outside 1..kMaxTendons and 1..2 kMaxSections.
@@ -71,11 +72,10 @@ class TensionAllocator {
   Result Allocate(const Eigen::Ref<const Eigen::MatrixXd>& jacobian, ConstVectorRef force_Nm,
                   double min_tension_N, const TendonVector& max_tension_N) const noexcept;
 
-  /// From here on the body shortens the tendons' paths by this, which changes the tensions of pairs.
-  void Bend(const TendonVector& shortening_m) noexcept;
+  /// From here on the body has this shape, which changes the tensions of pairs.
+  void Bend(const Body& body, ConstVectorRef q) noexcept;
   /// From here on friction adds this to both tensions of pairs.
   void AddFriction(const TendonVector& offset_N) noexcept;
-  bool has_pairs() const noexcept { return !pairs_.empty(); }
   /// Tensions that no motor pulls: `min_tension_N`, of pairs their own.
   TendonVector Unpulled_N(double min_tension_N) const noexcept;
 

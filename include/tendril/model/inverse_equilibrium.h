@@ -34,8 +34,8 @@ std::string WhyNoShape(const TensionedShape& shape);
 class InverseEquilibrium {
  public:
   /// 0 <= min_tension_N <= max_tension_N (infinity: no limit); throws std::invalid_argument.
-  /// Of `pairs`, T_min is the tension that their motor does not pull, and neither tendon has less than the
-  /// robot's own.
+  /// Of `pairs` the sum counts what the motors' pulls change, and no tendon has less than the robot's
+  /// minimum, as TensionAllocator says.
   InverseEquilibrium(const Body& body, double min_tension_N, double max_tension_N, TendonPairs pairs = {});
 
   /// Static: the sums (us, vs) per section, 2K [rad].

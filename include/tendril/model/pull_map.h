@@ -54,7 +54,7 @@ class PullMap {
   double PairFriction_N(double base_N) const noexcept;
 
   Side first_, second_;
-  double share_ = 1;  // of a pull, which the first tendon takes
+  TendonPairs::Pair pair_{};  // of a pair
   double unpulled_N_ = 0;
 };
 

@@ -17,6 +17,16 @@ class TendonPairs {
     double pretension_N;  // of both, straight and not pulled
     double series_Npm;    // k_a k_b / (k_a + k_b) of the tendons' stiffnesses
     double first_share;   // k_a / (k_a + k_b): of a pull D the first gains this, the second loses the rest
+
+    struct Range {
+      double least_N, most_N;
+    };
+    /// Pulls with which neither tendon has less than `least_N`, nor more than its bound; 0 where there are
+    /// none.
+    Range PullsWithin(double unpulled_N, double least_N, double most_first_N,
+                      double most_second_N) const noexcept;
+    /// Sets both tensions: what they have unpulled, and their shares of the pull.
+    void Split(double unpulled_N, double pull_N, TendonVector& tension_N) const noexcept;
   };
 
   /// Of the robot's actuation; none without.

@@ -29,7 +29,6 @@ EquilibriumSolver::EquilibriumSolver(const model::Body& body, const LimitParamet
       q_(UnitVector::Zero(body.dof())),
       tension_N_(allocator_.Unpulled_N(limits.min_tension_N)),
       min_tension_N_(limits.min_tension_N),
-      shortening_m_(tension_N_),
       most_tension_N_(tension_N_),
       arc_q_(q_),
       dq_(q_),
@@ -103,12 +102,9 @@ bool EquilibriumSolver::Step(double& size_rad) noexcept {
   const auto slope = goal_per_tension_.leftCols(m);
   const BendingVector required =
       goal_gap_ - goal_per_tension_.col(m) + BendingVector(slope.lazyProduct(tension_N_));
-  // Of pairs the shape changes the tension that no motor pulls. Its slope is small against the body's
-  // stiffness, so that following it from step to step is enough.
-  if (allocator_.has_pairs()) {
-    body_.TendonShortening(q_, shortening_m_);
-    allocator_.Bend(shortening_m_);
-  }
+  // What a pair has unpulled changes with the shape, but hardly against the body's stiffness, so that
+  // following it from step to step is enough.
+  allocator_.Bend(body_, q_);
   const auto allocated = allocator_.Allocate(slope, required, min_tension_N_, most_tension_N_);
   const TendonVector change_N = allocated.tension_N - tension_N_;
   UnitVector step = solved_.col(m);

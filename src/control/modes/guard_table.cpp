@@ -8,7 +8,7 @@ constexpr std::string_view kAtOnce = "1 cycle", kConfirmed = "confirm_cycles";
 constexpr GuardEntry kGuards[] = {
     {"a measured tension is over the limit at the motor, or surely over that at the base",
      "controller.guards.tension_margin limits.max_tension_motor_N limits.max_tension_base_N",
-     Status::kTensionOverLimit, Watch::kPowered, kAtOnce},
+     Status::kTensionOverLimit, Watch::kPowered, "1 cycle; confirm_cycles without a load cell"},
     {"a tendon is slack", "controller.guards.slack_tension_N controller.guards.max_slack_s",
      Status::kTendonSlack, Watch::kTensioned, "max_slack_s"},
     {"a load cell is at the end of its range, negative, or shows nothing under torque",

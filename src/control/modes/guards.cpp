@@ -214,13 +214,16 @@ Status Guards::CheckCell(std::size_t j, const DriveFeedback& drive, const CycleO
                                                                       : Status::kOk;
 }
 
-// Bounds hold for any friction: the lower tension on the other side of the pulleys is compared.
-bool Guards::OverTension(std::size_t j, double reading_N) const noexcept {
+// Bounds hold for any friction: the lower tension on the other side of the pulleys is compared. A tension
+// inferred from the torque is off for moments, by what the rotor's acceleration and turning friction take.
+bool Guards::OverTension(std::size_t j, double reading_N) noexcept {
+  Tendon& t = tendons_[j];
   const double shown_N = std::max(reading_N, 0.);
-  const bool at_robot = tendons_[j].place == LoadCellPlace::kRobotSide;
+  const bool at_robot = t.place == LoadCellPlace::kRobotSide;
   const double motor_N = at_robot ? tables_[j]->BaseToMotor(shown_N, -1) : shown_N;
   const double base_N = at_robot ? shown_N : tables_[j]->MotorToBase(shown_N, 1);
-  return motor_N > max_tension_N_ || base_N > max_base_N_;
+  const bool over = motor_N > max_tension_N_ || base_N > max_base_N_;
+  return Confirmed(t, kOverTension, over, t.place == LoadCellPlace::kNone ? parameters_.confirm_cycles : 1);
 }
 
 // On the motor's side of the pulleys.
@@ -248,7 +251,7 @@ Status Guards::CheckShape(const CycleOutput& output, const Expectation& expected
       const auto at = static_cast<Eigen::Index>(j);
       const double stretch_m = (MotorTension(j, output) - rest_N_[at]) / tendons_[j].stiffness_Npm;
       // The spool of a slack tendon does not measure the shape.
-      if (output.tension_measured_N[at] < parameters_.slack_tension_N) {
+      if (!tendons_[j].in_pair && output.tension_measured_N[at] < parameters_.slack_tension_N) {
         residual_m = 0;
         break;
       }

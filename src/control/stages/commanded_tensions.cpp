@@ -18,11 +18,12 @@ CommandedTensions::CommandedTensions(const RobotParameters& robot, double rate_N
       period_s_(period_s),
       pairs_(robot),
       rest_N_(model::RestTensions_N(robot)),
-      none_N_(TendonVector::Zero(robot.body.tendons())),
+      none_N_(rest_N_),
       ramp_(std::move(ramp)),
-      tension_N_(none_N_),
       rate_Nps_(rate_Nps) {
-  for (const auto& pair : pairs_.all()) none_N_[pair.first] = none_N_[pair.second] = pair.pretension_N;
+  for (int j = 0; j < none_N_.size(); ++j) {
+    if (!pairs_.Has(j)) none_N_[j] = 0;
+  }
   tension_N_ = none_N_;
 }
 

@@ -48,12 +48,12 @@ class CommandedTensions {
 
  private:
   bool RampTo(const TendonVector& goal_N) noexcept;
-
   TendonVector Goal() const noexcept;
 
   double min_tension_N_, own_rate_Nps_, period_s_;
   model::TendonPairs pairs_;
-  TendonVector rest_N_, none_N_;
+  TendonVector rest_N_;
+  TendonVector none_N_;  // without torque
   std::optional<TensionRamp> ramp_;
   TendonVector tension_N_;
   double rate_Nps_;

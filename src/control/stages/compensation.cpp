@@ -9,10 +9,6 @@
 namespace tendril::control {
 
 Compensation::Compensation(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
-                           std::shared_ptr<const model::CapstanTable> table)
-    : Compensation(drive, limits, capstan, Pulled(drive, limits.min_tension_N, std::move(table))) {}
-
-Compensation::Compensation(const TendonDriveParameters& drive, const LimitParameters& limits, bool capstan,
                            Pulled pulled)
     : pulled_(std::move(pulled)),
       capstan_(capstan),

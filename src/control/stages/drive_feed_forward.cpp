@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "tendril/control/state_archive.h"
+#include "tendril/model/bracketed_root.h"
 
 namespace tendril::control {
 namespace {
@@ -22,12 +23,6 @@ constexpr double kSlow_mps = 3e-4;
 constexpr double kLossStep = 0.005, kFastestLoss = 7;
 
 }  // namespace
-
-DriveFeedForward::DriveFeedForward(const TendonDriveParameters& drive, const LimitParameters& limits,
-                                   bool capstan, std::shared_ptr<const model::CapstanTable> table,
-                                   double period_s)
-    : DriveFeedForward(drive, limits, capstan, Pulled(drive, limits.min_tension_N, std::move(table)),
-                       period_s) {}
 
 DriveFeedForward::DriveFeedForward(const TendonDriveParameters& drive, const LimitParameters& limits,
                                    bool capstan, Pulled pulled, double period_s)
@@ -81,32 +76,14 @@ double DriveFeedForward::MotorTension(double tension_base_N, double shortening_m
   };
   const double paid_out_N = pulled_.map.LeastAtMotor(tension_base_N);
   const double pulled_N = pulled_.map.MostAtMotor(tension_base_N);
-  double near_N = std::clamp(tension_base_N + friction_N_, paid_out_N, pulled_N);
-  double at_near = missing_N(near_N);
+  const double near_N = std::clamp(tension_base_N + friction_N_, paid_out_N, pulled_N);
+  const double at_near = missing_N(near_N);
   if (std::abs(at_near) <= kSolved_N) return near_N;
-  double far_N = at_near < 0 ? std::min(near_N + most_N, pulled_N) : std::max(near_N - most_N, paid_out_N);
-  double at_far = missing_N(far_N);
+  const double far_N =
+      at_near < 0 ? std::min(near_N + most_N, pulled_N) : std::max(near_N - most_N, paid_out_N);
+  const double at_far = missing_N(far_N);
   if (at_near * at_far >= 0) return far_N;
-  int side = 0;
-  double tension_N = far_N;
-  for (int i = 0; i < kMaxIterations && std::abs(far_N - near_N) > kSolved_N; ++i) {
-    tension_N = (near_N * at_far - far_N * at_near) / (at_far - at_near);
-    const double at = missing_N(tension_N);
-    if (std::abs(at) <= kSolved_N) break;
-    // Illinois: halve the weight of an end that stays, so that both ends converge.
-    if (at * at_far > 0) {
-      far_N = tension_N;
-      at_far = at;
-      if (side == 1) at_near *= 0.5;
-      side = 1;
-    } else {
-      near_N = tension_N;
-      at_near = at;
-      if (side == -1) at_far *= 0.5;
-      side = -1;
-    }
-  }
-  return tension_N;
+  return model::BracketedRoot(missing_N, near_N, at_near, far_N, at_far, kSolved_N, kMaxIterations);
 }
 
 DriveFeedForward::Result DriveFeedForward::Step(double tension_base_N, double shortening_m, double arc_m,

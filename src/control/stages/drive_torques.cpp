@@ -21,8 +21,9 @@ constexpr double kLost_mps = 0.01;
 // Decay of the extra minimum tension after fast motion: the next fast motion may follow soon, and the robot
 // still oscillates.
 constexpr double kRotorFades_Nps = 3;
-// What friction adds to a pair's tensions changes their bounds and thereby what is commanded, so it follows
-// slowly against the cycle.
+// Time constant of what friction adds to a pair's tensions. It moves their bounds, hence the command, hence
+// the friction: slow against the cycle, so that bound and command do not alternate, and quick against a
+// motion.
 constexpr double kOffset_s = 0.05;
 
 }  // namespace
@@ -91,7 +92,7 @@ void DriveTorques::Step(const Cycle& cycle, CycleOutput& output) noexcept {
     output.torque_desired_Nm[j] = r.torque_Nm;
     Report(output, r.status);
   }
-  for (const auto& pair : pairs_.all()) PartPair(pair, cycle, output);
+  for (const auto& pair : pairs_.all()) PartPair(pair, cycle.bare != nullptr, output);
   rotor_N_ = std::max(most_rotor_N_, rotor_N_ - kRotorFades_Nps * period_s_);
   last_displacement_m_ = output.displacement_m;
 }
@@ -108,29 +109,24 @@ void DriveTorques::JoinPair(const model::TendonPairs::Pair& pair, const CycleOut
 }
 
 // What the motor pulls becomes the tensions of both. Friction changes what they have at the base, for the
-// springs share the pull on the motor's side of the pulleys.
-void DriveTorques::PartPair(const model::TendonPairs::Pair& pair, const Cycle& cycle,
-                            CycleOutput& output) noexcept {
-  double& torque_Nm = output.torque_desired_Nm[pair.first];
-  if (cycle.bare != nullptr) {
-    torque_Nm = cycle.bare->Torque(pair.first, cycle.tension_N[pair.first]) -
-                cycle.bare->Torque(pair.second, cycle.tension_N[pair.second]);
-    output.tension_desired_motor_N[pair.first] = std::max(0., cycle.tension_N[pair.first]);
-  } else {
-    const model::PullMap& map = compensation_[pair.first].map();
-    const double pull_N = output.tension_desired_motor_N[pair.first];
-    const auto at_motor = map.AtMotor(pull_N),
-               at_base = map.AtBase(pull_N, output.sliding_direction[pair.first]);
-    output.tension_desired_motor_N[pair.first] = std::max(0., at_motor.first_N);
-    output.tension_desired_motor_N[pair.second] = std::max(0., at_motor.second_N);
-    output.sliding_direction[pair.second] = -output.sliding_direction[pair.first];
-    const double offset_N = (1 - pair.first_share) * at_base.first_N + pair.first_share * at_base.second_N -
-                            unpulled_N_[pair.first];
-    pair_offset_N_[pair.first] +=
-        std::min(1.0, period_s_ / kOffset_s) * (offset_N - pair_offset_N_[pair.first]);
-    pair_offset_N_[pair.second] = pair_offset_N_[pair.first];
-  }
-  output.torque_desired_Nm[pair.second] = -torque_Nm;
+// springs share the pull on the motor's side of the pulleys. Of bare motors each tendon has its own pull
+// here.
+void DriveTorques::PartPair(const model::TendonPairs::Pair& pair, bool bare, CycleOutput& output) noexcept {
+  TendonVector& torque_Nm = output.torque_desired_Nm;
+  torque_Nm[pair.first] -= torque_Nm[pair.second];
+  torque_Nm[pair.second] = -torque_Nm[pair.first];
+  if (bare) return;
+  const model::PullMap& map = compensation_[pair.first].map();
+  const double pull_N = output.tension_desired_motor_N[pair.first], z = output.sliding_direction[pair.first];
+  const auto at_motor = map.AtMotor(pull_N), at_base = map.AtBase(pull_N, z);
+  output.tension_desired_motor_N[pair.first] = std::max(0., at_motor.first_N);
+  output.tension_desired_motor_N[pair.second] = std::max(0., at_motor.second_N);
+  output.sliding_direction[pair.second] = -z;
+  const double offset_N = (1 - pair.first_share) * at_base.first_N + pair.first_share * at_base.second_N -
+                          unpulled_N_[pair.first];
+  double& offset = pair_offset_N_[pair.first];
+  offset += std::min(1.0, period_s_ / kOffset_s) * (offset_N - offset);
+  pair_offset_N_[pair.second] = offset;
 }
 
 Compensation::Result DriveTorques::Torque(int j, const Cycle& cycle, const CycleOutput& output) noexcept {
@@ -138,7 +134,7 @@ Compensation::Result DriveTorques::Torque(int j, const Cycle& cycle, const Cycle
     return {.tension_motor_N = std::max(0., cycle.tension_N[j]),
             .torque_Nm = cycle.bare->Torque(j, cycle.tension_N[j])};
   }
-  if (!pairs_.empty() && !robot_.actuation->HasDrive(j)) return {};
+  if (!robot_.actuation->HasDrive(j)) return {};
   if (!feed_forward_.empty()) return FeedForward(j, cycle, output);
   return compensation_[j].Step(pull_N_[j], path_m_[j], cycle.moving);
 }
@@ -211,7 +207,7 @@ double DriveTorques::LimitTorque(int j, double fed_back_Nm, double measured_N,
 // it beyond every limit, so its motor is released until the cell shows tension again. Either sensor may be
 // the cause of the fault, so both must agree, and neither is fed back.
 bool DriveTorques::LostTendon(int j, const Cycle& cycle, const CycleOutput& output) noexcept {
-  if (robot_.actuation->PairOf(j) != nullptr) return false;  // its tension is not measured
+  if (pairs_.Has(j)) return false;  // its tension is not measured
   const bool slack = cycle.mode == Mode::kFault && cycle.zeroed && cycle.bare == nullptr &&
                      output.tension_measured_N[j] < parameters_.guards.slack_tension_N;
   const bool runs = std::abs(output.displacement_m[j] - last_displacement_m_[j]) > kLost_mps * period_s_;

@@ -58,7 +58,7 @@ class DriveTorques {
  private:
   Pulled PulledBy(int tendon) const;
   void JoinPair(const model::TendonPairs::Pair& pair, const CycleOutput& output) noexcept;
-  void PartPair(const model::TendonPairs::Pair& pair, const Cycle& cycle, CycleOutput& output) noexcept;
+  void PartPair(const model::TendonPairs::Pair& pair, bool bare, CycleOutput& output) noexcept;
   Compensation::Result Torque(int tendon, const Cycle& cycle, const CycleOutput& output) noexcept;
   Compensation::Result FeedForward(int tendon, const Cycle& cycle, const CycleOutput& output) noexcept;
   double FrictionUncertainty_N(int tendon, double tension_N, double sliding) const noexcept;

@@ -99,15 +99,12 @@ Estimator::Estimator(const RobotParameters& robot, const model::Body& body,
     tendons_.push_back({TravelPerCount(t), t.drive.rated_torque_Nm, t.motor.torque_scale, per_mV,
                         t.load_cell.offset_N, t.tendon.stiffness_Npm, t.SpoolTravelPerMotorRad(),
                         t.gear.efficiency, t.motor.coulomb_friction_Nm, t.transmission.coulomb_N,
-                        SensorVariance(t), t.load_cell.place, slack_N, range_m * range_m / 12, 1, -1, 0, 0,
+                        SensorVariance(t), t.load_cell.place, slack_N, range_m * range_m / 12, 1, 0, 0,
                         model::PulleyPresliding(t.transmission.presliding_m)});
   }
   for (const auto& pair : pairs_.all()) {
-    Tendon &first = tendons_[pair.first], &second = tendons_[pair.second];
-    first.with = pair.second;
-    second.with = pair.first;
-    first.share = pair.first_share;
-    second.share = 1 - pair.first_share;
+    tendons_[pair.first].share = pair.first_share;
+    tendons_[pair.second].share = 1 - pair.first_share;
   }
 }
 
@@ -178,7 +175,7 @@ double Estimator::ReadTendon(int j, const DriveFeedback& d, CycleOutput& output)
   const double torque_Nm = d.torque_permille * 1e-3 * t.rated_torque_Nm;
   const double cell_N = d.analog_mV * t.newton_per_mV - t.cell_offset_N;
   const Tension tension =
-      t.with >= 0 ? PairTension(j, z, torque_Nm) : TensionOf(t, *tables_[j], z, torque_Nm, cell_N);
+      t.in_pair() ? PairTension(j, z, torque_Nm) : TensionOf(t, *tables_[j], z, torque_Nm, cell_N);
   output.displacement_m[j] = pull_m;
   output.tension_measured_N[j] = t.place == LoadCellPlace::kNone ? tension.motor_N : cell_N;
   output.tension_base_estimate_N[j] = tension.base_N;
@@ -194,7 +191,7 @@ double Estimator::ReadTendon(int j, const DriveFeedback& d, CycleOutput& output)
   weight_[j] = t.taut * t.taut;
   const double variance_m2 =
       2 * RoundingVariance(t.travel_per_count_m) + tension.variance_N2 / (t.stiffness_Npm * t.stiffness_Npm);
-  return t.with >= 0 ? 2 * variance_m2 : variance_m2;
+  return t.in_pair() ? 2 * variance_m2 : variance_m2;
 }
 
 void Estimator::FindUnpulled() noexcept {

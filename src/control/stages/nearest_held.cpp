@@ -48,11 +48,7 @@ bool NearestHeld::Linearise(const BendingVector& bending_rad, const TendonVector
   body_.StaticForce(q_, Eigen::Vector3d::Zero(), unit_force_Nm_);
   body_.ProjectForce(unit_force_Nm_, force_Nm_);
   model::SectionForcePerTension(body_, bending_rad, force_per_tension_);
-  if (allocator_.has_pairs()) {
-    TendonVector shortening_m(body_.tendons());
-    body_.TendonShortening(q_, shortening_m);
-    allocator_.Bend(shortening_m);
-  }
+  allocator_.Bend(body_, q_);
   body_.TangentStiffness(q_, tension_N, Eigen::Vector3d::Zero(), unit_stiffness_);
   BendingVector column(force_Nm_.size());
   for (Eigen::Index i = 0; i < force_Nm_.size(); ++i) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -10,7 +11,9 @@
 namespace tendril::control {
 namespace {
 
-constexpr int kHalvings = 8;             // 1 / 256 of the requested bend
+constexpr int kHalvings = 8;  // 1 / 256 of the largest bend
+constexpr int kMaxSecants = 40;
+constexpr double kSettledShare = 1e-9;   // share of a bend; tight, because moving goals are differentiated
 constexpr int kDirections = 12;          // sampled directions per section; more than there are tendons
 constexpr double kHoldableShare = 0.95;  // margin for directions between the samples
 
@@ -99,18 +102,14 @@ void Reach::FindHoldableOfPulled() {
   }
 }
 
-bool Reach::Holds(const BendingVector& bending_rad) noexcept {
+double Reach::Lacking_Nm(const BendingVector& bending_rad) noexcept {
   body_.SpreadBending(bending_rad, q_);
   body_.StaticForce(q_, Eigen::Vector3d::Zero(), unit_force_Nm_);
   body_.ProjectForce(unit_force_Nm_, force_Nm_);
   model::SectionForcePerTension(body_, bending_rad, force_per_tension_);
-  if (allocator_.has_pairs()) {
-    TendonVector shortening_m(body_.tendons());
-    body_.TendonShortening(q_, shortening_m);
-    allocator_.Bend(shortening_m);
-  }
-  return allocator_.Allocate(force_per_tension_, force_Nm_, min_tension_N_, max_tension_N_).status ==
-         Status::kOk;
+  allocator_.Bend(body_, q_);
+  const auto held = allocator_.Allocate(force_per_tension_, force_Nm_, min_tension_N_, max_tension_N_);
+  return held.status == Status::kOk ? 0 : std::max(held.residual_Nm, std::numeric_limits<double>::min());
 }
 
 double Reach::Rate_radps(const BendingVector& bending_rad, bool goal_moves) const noexcept {
@@ -133,16 +132,31 @@ Status Reach::Limit(BendingVector& bending_rad) noexcept {
     return Status::kLimitedTensionMax;
   }
   if (Holds(bending_rad)) return Status::kOk;
-  double low = std::min(1., holdable_rad_ / most_rad), high = 1;
-  if (!(low > 0)) return Status::kOk;
-  for (int i = 0; i < kHalvings; ++i) {
-    const double middle = (low + high) / 2;
-    (Holds(middle * bending_rad) ? low : high) = middle;
-  }
+  const double surely_held = holdable_rad_ / most_rad;
+  if (!(surely_held > 0)) return Status::kOk;
   asked_rad_ = bending_rad;
-  bending_rad *= low;
+  bending_rad *= HeldShare(bending_rad, surely_held);
   given_rad_ = bending_rad;
   return Status::kLimitedTensionMax;
+}
+
+// What a bend lacks grows from zero at the bound, nearly in proportion, so that secants from outside find it.
+double Reach::HeldShare(const BendingVector& bending_rad, double held) noexcept {
+  double lacks = 1, lacking_Nm = Lacking_Nm(bending_rad);
+  double slope_Nm = 0;
+  for (int i = 0; i < kMaxSecants && lacks - held > 2 * kSettledShare; ++i) {
+    const double secant = slope_Nm > 0 ? lacks - lacking_Nm / slope_Nm - kSettledShare : 0;
+    const double share = secant > held ? secant : (held + lacks) / 2;
+    const double at_share_Nm = Lacking_Nm(share * bending_rad);
+    if (at_share_Nm == 0) {
+      held = share;
+      continue;
+    }
+    slope_Nm = (lacking_Nm - at_share_Nm) / (lacks - share);
+    lacks = share;
+    lacking_Nm = at_share_Nm;
+  }
+  return held;
 }
 
 }  // namespace tendril::control
