@@ -223,6 +223,21 @@ class Overlay:
 
 
 @dataclass(frozen=True)
+class FreeRun:
+    """The simulator left alone: plants that see nothing of a run but the torques that were sent."""
+
+    run: str
+    family: str
+    duration_s: float | None
+    moves_m: float | None
+    """rms of the measured tip about its mean."""
+    before_m: float | None
+    """rms error of the nominal robot's tip."""
+    after_m: float | None
+    """With the causes; None: there are none."""
+
+
+@dataclass(frozen=True)
 class HorizonPoint:
     """Growth of the residual with the time since the simulation was reset to the measured state."""
 
@@ -356,6 +371,8 @@ class Report:
     """What these logs lack, and what therefore cannot be determined."""
     next_commands: list[str]
     """To run now, each a complete `tendril ...` line; of a report made by the command line."""
+    free_runs: list[FreeRun]
+    """By kind of motion."""
     closed: Closed
     repeatability: Repeatability | None
     chain: list[Cut]

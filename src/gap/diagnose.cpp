@@ -19,6 +19,7 @@
 #include "evaluator.h"
 #include "first_place.h"
 #include "floor_at_cause.h"
+#include "free_run.h"
 #include "judge.h"
 #include "learned_robot.h"
 #include "locate.h"
@@ -416,8 +417,15 @@ class Diagnosing {
         d_.closures[c].ceiling_rms = std::sqrt(everything.square[static_cast<int>(c)]);
     }
     if (d_.accepted.size() == 2) AddOrders(*evaluator_, search_, with_gap, options_.seed, d_);
+    RunFree(shown);
     if (shown != nullptr) d_.profiles = ProfilesOf(*evaluator_, folds_, search_, *shown, threads_);
     AddDetails(*evaluator_, shown ? &shown->model : nullptr, after, options_.seed, d_);
+  }
+
+  void RunFree(const Fit* shown) {
+    std::optional<RobotParameters> with_cause;
+    if (shown != nullptr) with_cause = shown->model.Robot(evaluator_->nominal());
+    d_.free_runs = FreeRuns(*evaluator_, with_cause ? &*with_cause : nullptr, threads_);
   }
 
   void PlanNextExperiment() {

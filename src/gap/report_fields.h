@@ -106,6 +106,16 @@ void Fields(A& a, typename A::template Ref<HorizonPoint> h) {
 }
 
 template <class A>
+void Fields(A& a, typename A::template Ref<FreeRun> f) {
+  a("run", f.run);
+  a("family", f.family);
+  a("duration_s", f.duration_s);
+  a("moves_m", f.moves_m);
+  a("before_m", f.before_m);
+  a("after_m", f.after_m);
+}
+
+template <class A>
 void Fields(A& a, typename A::template Ref<Profile> p) {
   a("effect", p.effect);
   a("where", p.where);

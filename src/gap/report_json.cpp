@@ -371,6 +371,7 @@ std::string ReportJson(const Diagnosis& diagnosis) {
   Writer w(j);
   Fields(w, d);
   j["next_commands"] = ToJson(d.next_commands);
+  j["free_runs"] = ToJson(d.free_runs);
   j["closed"] = WriteClosed(d);
   j["repeatability"] = ToJson(d.repeatability);
   j["chain"] = Chain();
@@ -400,6 +401,7 @@ Diagnosis ParseReport(const std::string& text) {
   Fields(r, d);
   // Reports of earlier versions have none.
   if (j.contains("next_commands")) FromJson(j.at("next_commands"), "next_commands", d.next_commands);
+  if (j.contains("free_runs")) FromJson(j.at("free_runs"), "free_runs", d.free_runs);
   ReadClosed(Member(j, "", "closed"), d);
   // Missing in older reports.
   if (j.contains("repeatability")) FromJson(j["repeatability"], "repeatability", d.repeatability);

@@ -114,6 +114,8 @@ std::vector<ReportField> ReportFields() {
     fields.push_back(
         {fmt::format("profiles[].{}", key), "text", "", "The parameter's word or unit, for people."});
   fields.push_back({"next_commands", "list of: text", "Diagnosis::next_commands", ""});
+  fields.push_back({"free_runs", "list of objects", "Diagnosis::free_runs", ""});
+  ListFields<FreeRun>(fields, "free_runs[].");
   fields.push_back({"closed.pooled", TypeText(std::optional<Estimate>()), "Diagnosis::closed", ""});
   fields.push_back({"closed.ceiling", TypeText(std::optional<Estimate>()), "Diagnosis::closed_ceiling", ""});
   ListFields<FamilyClosure>(fields, "closed.families[].");

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
+#include <limits>
 #include <sstream>
 #include <vector>
 
@@ -162,6 +163,21 @@ std::string CauseLine(const Cause& c, const Paint& paint, bool accepted) {
          (parameters.empty() ? "" : "  " + InColumn(parameters, Width(head) + 2)) + "\n";
 }
 
+/// What the causes do to the simulator that sees commands only, over all kinds of motion.
+std::string LeftAlone(const std::vector<FreeRun>& free_runs) {
+  double before = 0, after = 0, moves = 0;
+  for (const FreeRun& f : free_runs) {
+    const double n = static_cast<double>(free_runs.size());
+    before += f.before_m * f.before_m / n;
+    after += std::pow(f.after_m.value_or(std::numeric_limits<double>::quiet_NaN()), 2) / n;
+    moves += f.moves_m * f.moves_m / n;
+  }
+  if (free_runs.empty() || !std::isfinite(after)) return "";
+  return fmt::format("  {} {} -> {}  (moves {})\n", Pad("tip, the simulator left alone", 36),
+                     WithUnit(std::sqrt(before), "m"), WithUnit(std::sqrt(after), "m"),
+                     WithUnit(std::sqrt(moves), "m"));
+}
+
 }  // namespace
 
 std::string Wrapped(std::string_view text, int indent) {
@@ -221,6 +237,7 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
                          WithUnit(c.before_rms, c.unit), WithUnit(c.after_rms, c.unit),
                          WithUnit(c.floor_rms, c.unit));
     }
+    out += LeftAlone(d.free_runs);
   }
 
   if (!d.next.family.empty() || !d.next.reason.empty()) {

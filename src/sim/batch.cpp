@@ -29,6 +29,16 @@ void Check(const TorqueProgram& program) {
     throw std::invalid_argument(fmt::format("batch: step of {} s; accepted: 1e-5 to 1", program.step_s));
 }
 
+void CheckSteps(const Plant& plant, Eigen::Index row, double most_per_row) {
+  constexpr double kRowsAtFirst = 100;  // a start may be rough
+  const auto steps = static_cast<double>(plant.counters().solver_steps);
+  const double rows = static_cast<double>(row) + 1;
+  if (steps <= most_per_row * (rows + kRowsAtFirst)) return;
+  throw std::runtime_error(
+      fmt::format("batch: too slow: {:.0f} solver steps in {:.0f} rows, more than {:.3g} a row", steps, rows,
+                  most_per_row));
+}
+
 class Recorder {
  public:
   Recorder(const RobotParameters& robot, Eigen::Index steps) {
@@ -63,7 +73,8 @@ class Recorder {
 
 std::vector<PlantMotion> SimulateEach(std::span<const RobotParameters> robots, const TorqueProgram& program,
                                       const PlantOptions& options, int threads, const std::atomic<bool>* stop,
-                                      const std::function<void(double share)>& progress) {
+                                      const std::function<void(double share)>& progress,
+                                      double most_steps_per_row) {
   Check(program);
   for (std::size_t i = 0; i < robots.size(); ++i) Check(robots[i], i, program);
   const Eigen::Index steps = program.torque_Nm.rows();
@@ -80,6 +91,7 @@ std::vector<PlantMotion> SimulateEach(std::span<const RobotParameters> robots, c
         plant.SetTorque(program.torque_Nm.row(row).transpose());
         plant.Advance(step_ns);
         recorder.Take(plant, row);
+        CheckSteps(plant, row, most_steps_per_row);
         constexpr Eigen::Index kTellEvery = 256;
         const Eigen::Index now = ++done;
         if (progress && (now % kTellEvery == 0 || now == all))

@@ -282,6 +282,7 @@ TEST(Diagnose, WithoutATrackerTheHiddenCutsAreReported) {
   bool said = false;
   for (const auto& text : d.degradations) said |= text.find("no tracker") != std::string::npos;
   EXPECT_TRUE(said);
+  EXPECT_TRUE(d.free_runs.empty()) << "no tip to compare with";
 }
 
 TEST(Diagnose, RunsWithHardlyAnyMotionAreInsufficientData) {

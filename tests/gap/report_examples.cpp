@@ -228,6 +228,8 @@ struct Maker {
       const double h = 0.02 * std::pow(2, i);
       d.horizon.push_back({h, 2e-4 + 1.1e-3 * std::sqrt(h), 2.4e-4 + 1e-5 * i});
     }
+    d.free_runs = {{"circle_1", "circle", 10, 0.0123, 0.0042, 0.0006},
+                   {"steps_1", "steps", 10, 0.009, 0.0031, {}}};
     d.health.push_back(
         {HealthFinding::Severity::kInfo, "", "", 0.93,
          "Repeats agree to 0.31 mm and 0.031 N: the noise floor is taken from 3 pairs of repeated runs."});
@@ -400,6 +402,7 @@ Diagnosis ExampleDiagnosis(Verdict verdict) {
       m.Others(0.1);
       d.runs.resize(1);
       d.horizon.clear();
+      d.free_runs.clear();
       d.held_out_families = {"first quarter", "second quarter", "third quarter", "last quarter"};
       d.held_out_by = "quarters of the runs";
       d.next.family = "standard_set";

@@ -118,6 +118,7 @@ Diagnosis Undefined() {
   for (ConditionMap& m : d.maps) m.low[2] = m.mean[3] = m.at[4] = nan;
   for (Profile& p : d.profiles) p.score[0] = inf;
   for (HorizonPoint& h : d.horizon) h.floor_m = nan;
+  for (FreeRun& f : d.free_runs) f.before_m = inf;
   for (Confusion& c : d.confusable) c.cosine = c.profile_gap = nan;
   d.leftover_sigma = inf;
   d.input_correlations[0].second = nan;

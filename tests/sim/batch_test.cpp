@@ -86,5 +86,15 @@ TEST(Batch, AStopLeavesTheRestUnknownAndProgressEndsAtAll) {
   EXPECT_TRUE(SimulateEach({}, program, {}, 2).empty());
 }
 
+TEST(Batch, AMotionOfTooManySolverStepsIsGivenUp) {
+  const std::vector<RobotParameters> robots = {Rig()};
+  const TorqueProgram program = Circle(robots[0], 250);
+  EXPECT_EQ(SimulateEach(robots, program, {}, 1, nullptr, {}, 100)[0].failed, "");
+  const auto given_up = SimulateEach(robots, program, {}, 1, nullptr, {}, 0.1);
+  EXPECT_THAT(given_up[0].failed, HasSubstr("too slow"));
+  EXPECT_TRUE(std::isfinite(given_up[0].tip_m(0, 0)));
+  EXPECT_TRUE(std::isnan(given_up[0].tip_m(249, 0)));
+}
+
 }  // namespace
 }  // namespace tendril::sim

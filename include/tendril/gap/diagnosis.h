@@ -66,8 +66,8 @@ struct Closure {
   std::string unit;
   sim::Cut cut{};
   double before_rms = 0, after_rms = 0, floor_rms = 0;
-  std::optional<Estimate> closed;       // empty: no significant gap at this place
-  std::optional<double> ceiling_rms{};  // rms left when all parameters are refitted at once
+  std::optional<Estimate> closed;        // empty: no significant gap at this place
+  std::optional<double> ceiling_rms{};   // rms left when all parameters are refitted at once
   std::optional<double> as_filed_rms{};  // with the file's numbers, where `before` has those of earlier runs
 };
 
@@ -119,6 +119,16 @@ struct Overlay {
 struct HorizonPoint {
   double horizon_s = 0;           // time since that reset
   double rms_m = 0, floor_m = 0;  // of the tip's residual, and its noise floor
+};
+
+/// The simulator left alone: plants that start at rest and see nothing of a run but the torques that were
+/// sent, where the other errors here are of simulations that follow the measured signals.
+struct FreeRun {
+  std::string run, family;        // the run whose torques drove them, and its kind of motion
+  double duration_s = 0;          // of the part of it
+  double moves_m = 0;             // rms of the measured tip about its mean
+  double before_m = 0;            // rms error of the nominal robot's tip
+  std::optional<double> after_m;  // with the causes; empty: none
 };
 
 /// How well a parameter is determined: the log score lost as a function of its value, all others refitted.
@@ -201,6 +211,7 @@ struct Diagnosis {
   std::vector<ConditionMap> maps;     // residuals against conditions
   std::vector<Overlay> overlays;      // curves of held-out runs
   std::vector<HorizonPoint> horizon;  // residual over simulated time
+  std::vector<FreeRun> free_runs;     // by kind of motion
   std::vector<Profile> profiles;      // how well parameters are determined
   std::vector<std::pair<std::string, double>> input_correlations;  // of the residual left
   NextExperiment next;                         // the experiment that would separate the rivals best

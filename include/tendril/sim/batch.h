@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <atomic>
 #include <functional>
+#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -34,10 +35,12 @@ struct PlantMotion {
 /// One motion a robot, whatever the number of threads the same to the last bit. Throws std::invalid_argument
 /// for a program without rows or of another number of tendons, for a torque that is not finite and for a
 /// robot that is no plant. `progress` gets the share of the steps that are done, from any thread; `stop`,
-/// once true, leaves what is not done NaN.
+/// once true, leaves what is not done NaN. A motion that takes more solver steps than `most_steps_per_row` on
+/// average, after some rows, is given up as too slow.
 std::vector<PlantMotion> SimulateEach(std::span<const RobotParameters> robots, const TorqueProgram& program,
                                       const PlantOptions& options, int threads,
                                       const std::atomic<bool>* stop = nullptr,
-                                      const std::function<void(double share)>& progress = {});
+                                      const std::function<void(double share)>& progress = {},
+                                      double most_steps_per_row = std::numeric_limits<double>::infinity());
 
 }  // namespace tendril::sim
