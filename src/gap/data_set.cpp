@@ -12,6 +12,8 @@
 #include <stdexcept>
 
 #include "file_bytes.h"
+#include "pair_motors.h"
+#include "postures/states.h"
 #include "runs_file.h"
 #include "same_robot.h"
 #include "sources.h"
@@ -281,10 +283,11 @@ void RefuseTwice(const std::vector<std::string>& paths) {
 
 void RequireAMotorForEachTendon(const RobotParameters& robot) {
   if (!robot.actuation || robot.actuation->pairs.empty()) return;
-  throw std::runtime_error(fmt::format(
-      "robot '{}' has antagonistic pairs, whose runs are not diagnosed; accepted: robots with a motor "
-      "for every tendon; use another robot file",
-      robot.name));
+  throw std::runtime_error(
+      fmt::format("robot '{}' has antagonistic pairs: of these, only runs of motors' positions and markers "
+                  "are diagnosed, "
+                  "without torques and tensions; accepted otherwise: robots with a motor for every tendon",
+                  robot.name));
 }
 
 DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path, OtherRobot other_robot) {
@@ -348,7 +351,6 @@ DataSet LoadLogs(const std::vector<std::string>& named, const std::string& robot
     set.robot = config::ParseRobot(yaml, "robot of " + log->string());
     set.notes.push_back("the robot is the one with which " + log->string() + " was recorded");
   }
-  RequireAMotorForEachTendon(set.robot);
   if (other) {
     set.notes.push_back(fmt::format("{} differs from {}, which is used for all runs; give --robot to choose",
                                     *other, robot_from));
@@ -373,6 +375,8 @@ DataSet LoadLogs(const std::vector<std::string>& named, const std::string& robot
     }
   }
   if (set.runs.empty()) ThrowNothing(set, paths.front());
+  for (Run& run : set.runs) CompletePairs(set.robot, run);
+  if (!ShowsPostures(set)) RequireAMotorForEachTendon(set.robot);
   return set;
 }
 

@@ -14,6 +14,7 @@
 #include "csv.h"
 #include "file_bytes.h"
 #include "import_map.h"
+#include "pair_motors.h"
 #include "rotation.h"
 #include "row_times.h"
 #include "sources.h"
@@ -286,6 +287,7 @@ class Importer {
     run.torque_target_Nm = Fill(map_.torque_target, rows);
     run.torque_actual_Nm = Fill(map_.torque_actual, rows);
     run.motor_position_rad = Fill(map_.motor_position, rows);
+    CompletePairs(robot_, run);
     run.tension_N = Fill(map_.tension, rows);
     run.bending_rad = Fill(map_.bending, rows);
     if (map_.bending_is_polar) {

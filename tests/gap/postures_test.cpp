@@ -4,11 +4,13 @@
 #include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <iomanip>
 #include <numbers>
 #include <numeric>
 #include <random>
 
 #include "gap/implausible.h"
+#include "gap/pair_motors.h"
 #include "gap/postures/diagnose_postures.h"
 #include "gap/postures/directions.h"
 #include "gap/postures/learn_postures.h"
@@ -23,6 +25,7 @@
 #include "tendril/gap/data_set.h"
 #include "tendril/gap/run_table.h"
 #include "tendril/robot_file/robot_patch.h"
+#include "tendril/sim/batch.h"
 #include "tendril/sim/replay.h"
 
 namespace tendril::gap {
@@ -330,6 +333,130 @@ TEST(Postures, SlopesAreThoseOfThePrediction) {
     const auto& found = here.slopes[static_cast<std::size_t>(k)];
     EXPECT_LT((slope - found).norm(), 0.01 * slope.norm() + 1e-6) << numbers[static_cast<std::size_t>(k)].key;
   }
+}
+
+/// With a motor for every two opposite tendons.
+RobotParameters InPairs(RobotParameters robot) {
+  for (const int first : {0, 1, 4, 5}) robot.actuation->pairs.push_back({first, first + 2, 5});
+  return robot;
+}
+
+/// As such a robot is recorded: a position a motor.
+Run OfMotors(const RobotParameters& robot, Run run) {
+  for (const TendonPair& pair : robot.actuation->pairs)
+    run.motor_position_rad.col(pair.second).setConstant(kNoReading);
+  CompletePairs(robot, run);
+  return run;
+}
+
+// A coupling that slipped turns the spools of both tendons, a payload neither.
+TEST(Postures, OfAntagonisticPairsAreDiagnosedFromAPositionAMotor) {
+  const RobotParameters file = InPairs(Hose()), before = InPairs(AsBuilt());
+  RobotParameters heavy = before, slipped = before;
+  heavy.body.tip_payload_kg = 0.2;
+  slipped.effects.push_back({"encoder_offset", "tendon:2", {{"rad", 0.3}}});
+  for (const RobotParameters& after : {heavy, slipped}) {
+    DataSet set{"after", file, false, {OfMotors(after, Moved(after, "after", 2))}, {}};
+    CompareWithBefore(set, {"before", file, false, {OfMotors(before, Moved(before, "before", 1))}, {}});
+    ASSERT_TRUE(CanDiagnosePostures(set));
+    DiagnoseOptions options;
+    options.threads = 2;
+    options.refits = 4;
+    const Diagnosis d = Diagnose(set, options);
+    EXPECT_EQ(d.verdict, Verdict::kAttributed) << d.sentence;
+    ASSERT_FALSE(d.accepted.empty()) << d.sentence;
+    const Cause& cause = d.accepted.front();
+    EXPECT_GT(cause.p, 0.9) << d.sentence;
+    if (after.effects.empty()) {
+      EXPECT_EQ(cause.effect, "tip_payload");
+      EXPECT_LT(cause.parameters.at("mass_kg").low, 0.2);
+      EXPECT_GT(cause.parameters.at("mass_kg").high, 0.2);
+    } else {
+      EXPECT_EQ(cause.effect + " " + cause.where, "encoder_offset tendon:2");
+      EXPECT_NEAR(cause.parameters.at("rad").value, 0.3, 0.06);
+    }
+  }
+}
+
+/// A table of the first section's two motors and the tip, as a laboratory writes it.
+std::string TableOfMotors(const std::string& name, const sim::TorqueProgram& program,
+                          const sim::PlantMotion& motion) {
+  constexpr Eigen::Index kEvery = 10;
+  const std::string path = testing::TempDir() + name + ".csv";
+  std::ofstream out(path);
+  out << "t_s,motor_position_rad_1,motor_position_rad_2,tip_x_m,tip_y_m,tip_z_m\n" << std::setprecision(9);
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, 1e-4);
+  for (Eigen::Index i = 0; i < motion.tip_m.rows(); i += kEvery) {
+    out << program.step_s * static_cast<double>(i) << ',' << motion.motor_angle_rad(i, 0) << ','
+        << motion.motor_angle_rad(i, 1);
+    for (int axis = 0; axis < 3; ++axis) out << ',' << motion.tip_m(i, axis) + noise(random);
+    out << '\n';
+  }
+  return path;
+}
+
+// The plant has friction, inertia and one shaft a pair; the diagnosis sees two motors and the tip.
+TEST(Postures, OfAPlantInPairsAreDiagnosedFromATableOfItsMotors) {
+  const std::string file = TENDRIL_SOURCE_DIR "/config/robots/pairs_90mm.yaml";
+  const RobotParameters robot = config::LoadRobot(file);
+  RobotParameters heavy = robot;
+  heavy.body.tip_payload_kg = 0.003;
+  const std::vector<RobotParameters> robots = {robot, heavy};
+  std::vector<std::string> tables;
+  for (const double beat : {1.0, 1.3}) {  // other commands afterwards
+    sim::TorqueProgram program{5e-3, Eigen::MatrixXd::Zero(18000, 4)};
+    for (Eigen::Index i = 0; i < 18000; ++i) {
+      const double t = 5e-3 * static_cast<double>(i), grows = std::min(1.0, t / 2);
+      program.torque_Nm(i, 0) = 1e-3 * grows * (std::sin(0.31 * beat * t) + 0.6 * std::sin(0.71 * t));
+      program.torque_Nm(i, 1) = 1e-3 * grows * (std::cos(0.43 * beat * t) + 0.6 * std::sin(0.59 * t));
+    }
+    const std::size_t which = tables.size();
+    const auto motion = sim::SimulateEach({&robots[which], 1}, program, {}, 1).front();
+    tables.push_back(TableOfMotors(which == 0 ? "pairs_before" : "pairs_after", program, motion));
+  }
+  DataSet set = LoadLogs({tables[1]}, file);
+  CompareWithBefore(set, LoadLogs({tables[0]}, file));
+  DiagnoseOptions options;
+  options.threads = 2;
+  const Diagnosis d = Diagnose(set, options);
+  ASSERT_FALSE(d.accepted.empty()) << d.sentence;
+  EXPECT_EQ(d.accepted.front().effect, "tip_payload") << d.sentence;
+  EXPECT_GT(d.accepted.front().p, 0.9);
+  EXPECT_LT(d.accepted.front().parameters.at("mass_kg").low, 0.003);
+  EXPECT_GT(d.accepted.front().parameters.at("mass_kg").high, 0.003);
+  // What is learned is a robot that a file can hold: a pair's spool is one.
+  const Calibration learned = Calibrate(LoadLogs({tables[0]}, file), CalibrateOptions());
+  const auto& drives = learned.robot.actuation->tendons;
+  EXPECT_NE(drives[0].spool.radius_m, robot.actuation->tendons[0].spool.radius_m);
+  EXPECT_EQ(drives[0].spool.radius_m, drives[2].spool.radius_m);
+  EXPECT_NO_THROW(config::ParseRobot(config::ToYaml(learned.robot), "learned"));
+}
+
+TEST(Postures, MotorsOfAPairThatDoNotMoveAsOneAreRefused) {
+  const RobotParameters robot = InPairs(Hose());
+  const gap::Run run = Moved(robot, "run", 1, 10);
+  gap::Run whole = run;
+  CompletePairs(robot, whole);
+  EXPECT_EQ(whole.motor_position_rad, run.motor_position_rad);
+  const auto refusal = [&](gap::Run of) -> std::string {
+    try {
+      CompletePairs(robot, of);
+    } catch (const std::runtime_error& e) {
+      return e.what();
+    }
+    return "";
+  };
+  gap::Run alike = run;
+  alike.motor_position_rad.col(2) *= -1;
+  EXPECT_NE(refusal(alike).find("tendons 1 and 3, a pair on one motor, turn the same way"),
+            std::string::npos);
+  gap::Run exchanged = run;
+  exchanged.motor_position_rad.col(2).swap(exchanged.motor_position_rad.col(3));
+  EXPECT_NE(refusal(exchanged).find("move apart by"), std::string::npos);
+  gap::Run zeroed = run;  // each column has its own zero
+  zeroed.motor_position_rad.col(2).array() += 1;
+  EXPECT_EQ(refusal(zeroed), "");
 }
 
 TEST(Postures, APayloadIsNamedWithItsSizeOnARobotThatIsNotWhatItsFileSays) {

@@ -50,6 +50,10 @@ void Apply(const Candidate& c, const Eigen::VectorXd& values, PostureRobot& robo
   }
 }
 
+bool IsOfMotor(const sim::Effect& effect) {
+  return effect.stage == sim::Stage::kDrive || (effect.zero && effect.parameters.front().name == "rad");
+}
+
 bool IsFactor(const sim::EffectParameter& p) { return p.nominal == 1 && p.lower > 0; }
 
 /// Of a parameter, in prior deviations from no change: masses and lengths of slack are not negative.
@@ -617,6 +621,9 @@ std::vector<PostureChange> PostureChanges(const RobotParameters& robot,
   std::vector<PostureChange> changes;
   for (const Candidate& candidate : AllCandidates(robot, false, true)) {
     if (std::find(without.begin(), without.end(), candidate.effect->name) != without.end()) continue;
+    // The motor of a pair's second tendon is the first's.
+    if (IsOfMotor(*candidate.effect) && candidate.target && !robot.actuation->HasDrive(*candidate.target))
+      continue;
     if (auto change = ChangeOf(candidate)) changes.push_back(std::move(*change));
   }
   for (const FileNumber& number : FileNumbers(robot)) {

@@ -149,13 +149,28 @@ class Listing {
       Add(own, Known({own, fmt::format("actuation.{}", word)}), false,
           [tendon, of](RobotParameters& robot) -> double& { return of(robot.actuation->tendons[tendon]); });
     };
-    drive("spool.radius_m", [](TendonDriveParameters& d) -> double& { return d.spool.radius_m; });
+    OfSpool(tendon);
     drive("tendon.stiffness_Npm", [](TendonDriveParameters& d) -> double& { return d.tendon.stiffness_Npm; });
     OfPath(tendon);
     const auto row = static_cast<Eigen::Index>(tendon);
     const double lever_m = robot_.body.sections[k].tendons[j].radius_m;
     Add(fmt::format("zero of tendon {}", tendon + 1), "m", lever_m, kZero,
         [row, lever_m](PostureRobot& robot, double change) { robot.zero_m[row] += lever_m * change; });
+  }
+
+  /// Of both tendons of a pair.
+  void OfSpool(std::size_t tendon) {
+    const ActuationParameters& actuation = *robot_.actuation;
+    const auto j = static_cast<int>(tendon);
+    if (!actuation.HasDrive(j)) return;
+    const TendonPair* pair = actuation.PairOf(j);
+    const std::size_t other = pair != nullptr ? static_cast<std::size_t>(pair->second) : tendon;
+    const std::string own = fmt::format("actuation.per_tendon.{}.spool.radius_m", tendon + 1);
+    AddFactor(own, "m", Known({own, "actuation.spool.radius_m"}), false, [=](RobotParameters& robot) {
+      std::vector<double*> radii{&robot.actuation->tendons[tendon].spool.radius_m};
+      if (other != tendon) radii.push_back(&robot.actuation->tendons[other].spool.radius_m);
+      return radii;
+    });
   }
 
   /// The friction coefficients of all that a tendon passes, as one.

@@ -40,7 +40,7 @@ class Solver {
       travel_[j] = drive.SpoolTravelPerMotorRad();
       stiffness_[j] = drive.tendon.stiffness_Npm;
       presliding_[j] = drive.transmission.presliding_m;
-      loss_[j] = model::CapstanLogRatio(drive.transmission.pulleys, robot_.robot.limits.min_tension_N);
+      loss_[j] = model::CapstanLogRatio(drive.transmission.pulleys, robot_.robot.RestTension_N(j));
     }
     const bool same_path = like != nullptr && like->travel_ == travel_ && like->presliding_ == presliding_;
     const bool same_time = like != nullptr && like->robot_.motor_lag_s == robot_.motor_lag_s &&
@@ -226,7 +226,8 @@ PostureRobot PostureRobot::Of(const RobotParameters& robot) {
   const auto& tendons = out.robot.actuation->tendons;
   out.zero_m.resize(static_cast<Eigen::Index>(tendons.size()));
   for (std::size_t j = 0; j < tendons.size(); ++j) {
-    out.zero_m[static_cast<Eigen::Index>(j)] = robot.limits.min_tension_N / tendons[j].tendon.stiffness_Npm;
+    out.zero_m[static_cast<Eigen::Index>(j)] =
+        robot.RestTension_N(static_cast<int>(j)) / tendons[j].tendon.stiffness_Npm;
   }
   for (const EffectSetting& setting : out.robot.effects) {
     const sim::Effect& effect = *sim::FindEffect(setting.name);
@@ -238,10 +239,14 @@ PostureRobot PostureRobot::Of(const RobotParameters& robot) {
 
 void MoveZero(PostureRobot& robot, const sim::Effect& effect, sim::Target tendon, double value) {
   const bool angle = effect.parameters.front().name == "rad";
-  for (Eigen::Index j = 0; j < robot.zero_m.size(); ++j) {
-    if (tendon && *tendon != j) continue;
-    const auto& drive = robot.robot.actuation->tendons[static_cast<std::size_t>(j)];
-    robot.zero_m[j] -= value * (angle ? drive.SpoolTravelPerMotorRad() : 1);
+  const ActuationParameters& actuation = *robot.robot.actuation;
+  for (int j = 0; j < robot.zero_m.size(); ++j) {
+    // A motor turns both tendons of a pair.
+    const TendonPair* pair = angle ? actuation.PairOf(j) : nullptr;
+    const bool second = pair != nullptr && pair->second == j;
+    if (tendon && *tendon != (second ? pair->first : j)) continue;
+    const double travel_m = actuation.tendons[static_cast<std::size_t>(j)].SpoolTravelPerMotorRad();
+    robot.zero_m[j] -= value * (angle ? second ? -travel_m : travel_m : 1);
   }
 }
 
