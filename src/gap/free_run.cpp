@@ -16,22 +16,27 @@ namespace {
 constexpr double kLongest_s = 10;
 // From the plant's rest to the tensions at which the run begins.
 constexpr double kSettles_s = 1;
+// Between rows that are farther apart, or nearer, the targets are not known.
+constexpr double kLeastStep_s = 1e-5, kMostStep_s = 0.01;
 // Some ten times what the solver takes for usual robots; one that is far from its file may have no motion.
 constexpr double kMostSteps_per_s = 2e4;
 
 bool CanRunFree(const PreparedRun& run, const RobotParameters& robot) {
   const sim::ReplaySignals& signals = run.signals;
   return robot.actuation && robot.actuation->pairs.empty() && !signals.at_rest && run.tracked() &&
-         run.tip_m.rows() > 0 && run.target_dropouts.empty() &&
-         signals.torque_target_Nm.rows() == run.samples() && signals.torque_target_Nm.allFinite();
+         signals.step_s >= kLeastStep_s && signals.step_s <= kMostStep_s && run.tip_m.rows() > 0 &&
+         run.target_dropouts.empty() && signals.torque_target_Nm.rows() == run.samples() &&
+         signals.torque_target_Nm.allFinite();
 }
+
+Eigen::Index SettlingRows(double step_s) { return static_cast<Eigen::Index>(std::ceil(kSettles_s / step_s)); }
 
 /// The targets of a run, the first of them held until the robot rests.
 sim::TorqueProgram ProgramOf(const PreparedRun& run) {
   const Eigen::MatrixXd& target_Nm = run.signals.torque_target_Nm;
   const double step_s = run.signals.step_s;
   const auto rows = std::min<Eigen::Index>(target_Nm.rows(), std::lround(kLongest_s / step_s));
-  const auto settling = static_cast<Eigen::Index>(std::lround(kSettles_s / step_s));
+  const Eigen::Index settling = SettlingRows(step_s);
   sim::TorqueProgram program{step_s, Eigen::MatrixXd(settling + rows, target_Nm.cols())};
   program.torque_Nm.topRows(settling).rowwise() = target_Nm.row(0);
   program.torque_Nm.bottomRows(rows) = target_Nm.topRows(rows);
@@ -43,14 +48,14 @@ sim::TorqueProgram ProgramOf(const PreparedRun& run) {
 template <class Function>
 double Rms(const PreparedRun& run, const sim::TorqueProgram& program, const Function& at) {
   const double step_s = program.step_s;
+  const auto settling = static_cast<double>(SettlingRows(step_s));
   double squares = 0;
   int count = 0;
   for (Eigen::Index i = 0; i < run.tracker_s.size(); ++i) {
     // Row k is at the end of its step; a target acts one bus cycle after its stamp.
-    const double row = (kSettles_s + run.tracker_s[i] - run.signals.command_delay_s) / step_s - 1;
+    const double row = settling + (run.tracker_s[i] - run.signals.command_delay_s) / step_s - 1;
     const auto k = static_cast<Eigen::Index>(std::floor(row));
-    if (row < kSettles_s / step_s || k + 1 >= program.torque_Nm.rows() || !run.tip_m.row(i).allFinite())
-      continue;
+    if (row < settling || k + 1 >= program.torque_Nm.rows() || !run.tip_m.row(i).allFinite()) continue;
     squares += at(i, k, row - static_cast<double>(k));
     ++count;
   }
@@ -94,7 +99,7 @@ std::vector<FreeRun> FreeRuns(const Evaluator& evaluator, const RobotParameters*
     if (!motions[0].failed.empty()) break;
     FreeRun of{run.name,
                run.family,
-               program.step_s * static_cast<double>(program.torque_Nm.rows()) - kSettles_s,
+               program.step_s * static_cast<double>(program.torque_Nm.rows() - SettlingRows(program.step_s)),
                Moves_m(run, program),
                Error_m(run, program, robots[0], motions[0]),
                {}};
