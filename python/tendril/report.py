@@ -224,7 +224,7 @@ class Overlay:
 
 @dataclass(frozen=True)
 class FreeRun:
-    """The simulator left alone: plants that see nothing of a run but the torques that were sent."""
+    """A free run of the simulator: plants that see nothing of a run but the torques that were sent."""
 
     run: str
     family: str

@@ -68,7 +68,8 @@ void Describe(Io& io, GuardParameters& p) {
   io.Number("max_slack_s", p.max_slack_s, {0, 60}, "A tendon that is slack for longer is a fault.");
   io.Number(
       "tension_margin", p.tension_margin, {0, 1},
-      "Share above limits.max_tension_motor_N or max_tension_base_N at which a measured tension is a fault.");
+      "Share above limits.max_tension_motor_N or max_tension_base_N at which a measured tension is a fault; "
+      "inferred from torque, where there is no load cell, for confirm_cycles.");
   io.Integer("confirm_cycles", p.confirm_cycles, {1, 1000},
              "Cycles in a row that a guard with confirmation must be broken.");
   io.Number("tension_disagreement_N", p.tension_disagreement_N, {1e-3, 1000},

@@ -170,6 +170,7 @@ Calibration Calibrate(const DataSet& set, const CalibrateOptions& options) {
     throw std::runtime_error(
         "runs from before a change: accepted: runs of the robot as it is, without --before");
   if (CanCalibratePostures(set)) return CalibratePostures(set, options);
+  RequireAMotorForEachTendon(set.robot);
   Calibration found = Calibrating(set, options).Result();
   if (ShowsPostures(set)) {
     found.notes.push_back(fmt::format(

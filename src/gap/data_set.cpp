@@ -283,11 +283,11 @@ void RefuseTwice(const std::vector<std::string>& paths) {
 
 void RequireAMotorForEachTendon(const RobotParameters& robot) {
   if (!robot.actuation || robot.actuation->pairs.empty()) return;
-  throw std::runtime_error(
-      fmt::format("robot '{}' has antagonistic pairs: of these, only runs of motors' positions and markers "
-                  "are diagnosed, "
-                  "without torques and tensions; accepted otherwise: robots with a motor for every tendon",
-                  robot.name));
+  throw std::runtime_error(fmt::format(
+      "robot '{}' has antagonistic pairs; accepted: robots with a motor for every tendon, or many "
+      "states of motors' positions and markers, without torques and tensions, in gap calibrate and "
+      "gap diagnose --before",
+      robot.name));
 }
 
 DataSet LoadDataSet(const fs::path& folder, const std::string& robot_path, OtherRobot other_robot) {

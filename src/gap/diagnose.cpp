@@ -138,6 +138,7 @@ class Diagnosing {
 
   void PrepareSet() {
     Progress("aligning the logs and finding the noise floor", 0);
+    RequireAMotorForEachTendon(given_.robot);
     ReadableSet readable = Readable(given_, d_.degradations);
     set_ = std::move(readable.set);
     contradictions_ = std::move(readable.contradictions);

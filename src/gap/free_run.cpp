@@ -23,10 +23,9 @@ constexpr double kMostSteps_per_s = 2e4;
 
 bool CanRunFree(const PreparedRun& run, const RobotParameters& robot) {
   const sim::ReplaySignals& signals = run.signals;
-  return robot.actuation && robot.actuation->pairs.empty() && !signals.at_rest && run.tracked() &&
-         signals.step_s >= kLeastStep_s && signals.step_s <= kMostStep_s && run.tip_m.rows() > 0 &&
-         run.target_dropouts.empty() && signals.torque_target_Nm.rows() == run.samples() &&
-         signals.torque_target_Nm.allFinite();
+  return robot.actuation && !signals.at_rest && run.tracked() && signals.step_s >= kLeastStep_s &&
+         signals.step_s <= kMostStep_s && run.tip_m.rows() > 0 && run.target_dropouts.empty() &&
+         signals.torque_target_Nm.rows() == run.samples() && signals.torque_target_Nm.allFinite();
 }
 
 Eigen::Index SettlingRows(double step_s) { return static_cast<Eigen::Index>(std::ceil(kSettles_s / step_s)); }

@@ -1,4 +1,4 @@
-// The simulator left alone under the recorded commands, beside the robot's tip. Knows nothing of hypotheses
+// Free runs of the simulator: the recorded commands, and nothing else of a run. Knows nothing of hypotheses
 // or verdicts.
 #pragma once
 

@@ -164,7 +164,7 @@ std::string CauseLine(const Cause& c, const Paint& paint, bool accepted) {
 }
 
 /// What the causes do to the simulator that sees commands only, over all kinds of motion.
-std::string LeftAlone(const std::vector<FreeRun>& free_runs) {
+std::string FreeRunLine(const std::vector<FreeRun>& free_runs) {
   double before = 0, after = 0, moves = 0;
   for (const FreeRun& f : free_runs) {
     const double n = static_cast<double>(free_runs.size());
@@ -173,7 +173,7 @@ std::string LeftAlone(const std::vector<FreeRun>& free_runs) {
     moves += f.moves_m * f.moves_m / n;
   }
   if (free_runs.empty() || !std::isfinite(after)) return "";
-  return fmt::format("  {} {} -> {}  (moves {})\n", Pad("tip, the simulator left alone", 36),
+  return fmt::format("  {} {} -> {}  (moves {})\n", Pad("tip, free run of the simulator", 36),
                      WithUnit(std::sqrt(before), "m"), WithUnit(std::sqrt(after), "m"),
                      WithUnit(std::sqrt(moves), "m"));
 }
@@ -237,7 +237,7 @@ std::string Summary(const Diagnosis& diagnosis, const std::filesystem::path& rep
                          WithUnit(c.before_rms, c.unit), WithUnit(c.after_rms, c.unit),
                          WithUnit(c.floor_rms, c.unit));
     }
-    out += LeftAlone(d.free_runs);
+    out += FreeRunLine(d.free_runs);
   }
 
   if (!d.next.family.empty() || !d.next.reason.empty()) {

@@ -416,6 +416,7 @@ TEST(Postures, OfAPlantInPairsAreDiagnosedFromATableOfItsMotors) {
     tables.push_back(TableOfMotors(which == 0 ? "pairs_before" : "pairs_after", program, motion));
   }
   DataSet set = LoadLogs({tables[1]}, file);
+  EXPECT_THROW(Diagnose(set, DiagnoseOptions()), std::runtime_error) << "nothing to compare with";
   CompareWithBefore(set, LoadLogs({tables[0]}, file));
   DiagnoseOptions options;
   options.threads = 2;

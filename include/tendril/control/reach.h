@@ -46,8 +46,8 @@ class Reach {
   /// Moments of the arcs' balance at rest that no tensions within the limits give; 0 where the bend is held.
   double Lacking_Nm(const BendingVector& bending_rad) noexcept;
   bool Holds(const BendingVector& bending_rad) noexcept { return Lacking_Nm(bending_rad) == 0; }
-  /// The largest share, from one that is `held` to 1, which is not.
-  double HeldShare(const BendingVector& bending_rad, double held) noexcept;
+  /// The largest share that is held, from one that is `held` to 1, which lacks `lacking_Nm`.
+  double HeldShare(const BendingVector& bending_rad, double lacking_Nm, double held) noexcept;
   void FindHoldable();
   void FindHoldableOfPulled();
 

@@ -121,7 +121,7 @@ struct HorizonPoint {
   double rms_m = 0, floor_m = 0;  // of the tip's residual, and its noise floor
 };
 
-/// The simulator left alone: plants that start at rest and see nothing of a run but the torques that were
+/// A free run of the simulator: plants that start at rest and see nothing of a run but the torques that were
 /// sent, where the other errors here are of simulations that follow the measured signals.
 struct FreeRun {
   std::string run, family;        // the run whose torques drove them, and its kind of motion

@@ -131,19 +131,19 @@ Status Reach::Limit(BendingVector& bending_rad) noexcept {
     bending_rad = given_rad_;
     return Status::kLimitedTensionMax;
   }
-  if (Holds(bending_rad)) return Status::kOk;
+  const double lacking_Nm = Lacking_Nm(bending_rad);
+  if (lacking_Nm == 0) return Status::kOk;
   const double surely_held = holdable_rad_ / most_rad;
   if (!(surely_held > 0)) return Status::kOk;
   asked_rad_ = bending_rad;
-  bending_rad *= HeldShare(bending_rad, surely_held);
+  bending_rad *= HeldShare(bending_rad, lacking_Nm, surely_held);
   given_rad_ = bending_rad;
   return Status::kLimitedTensionMax;
 }
 
 // What a bend lacks grows from zero at the bound, nearly in proportion, so that secants from outside find it.
-double Reach::HeldShare(const BendingVector& bending_rad, double held) noexcept {
-  double lacks = 1, lacking_Nm = Lacking_Nm(bending_rad);
-  double slope_Nm = 0;
+double Reach::HeldShare(const BendingVector& bending_rad, double lacking_Nm, double held) noexcept {
+  double lacks = 1, slope_Nm = 0;
   for (int i = 0; i < kMaxSecants && lacks - held > 2 * kSettledShare; ++i) {
     const double secant = slope_Nm > 0 ? lacks - lacking_Nm / slope_Nm - kSettledShare : 0;
     const double share = secant > held ? secant : (held + lacks) / 2;

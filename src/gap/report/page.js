@@ -766,7 +766,7 @@ const growth = s => {
   if (points.length < 2 && !correlations.length && !alone.length) return false;
   if (alone.length) {
     const withCause = alone.some(f => f.after_m !== null);
-    const card = el('div', {class: 'card'}, el('div', {class: 'plot-title'}, 'The simulator left alone: the tip under the same commands'),
+    const card = el('div', {class: 'card'}, el('div', {class: 'plot-title'}, 'Free run: the simulator under the same commands'),
       table([['kind of motion', 'c'], ['run', 'c'], ['length', 'n'], ['the tip moves, rms', 'n'], [`error, ${nominal}`, 'n'], ...(withCause ? [['error with the cause', 'n']] : [])],
         alone.map(f => ({cells: [plain(f.family), f.run, show(f.duration_s, 's'), show(f.moves_m, 'm'), show(f.before_m, 'm'), ...(withCause ? [show(f.after_m, 'm')] : [])]}))));
     card.append(el('p', {class: 'note'}, 'Plants that start at rest and see nothing of the run but the torques that were sent. All other errors here are of simulations that follow the measured signals.'));
